@@ -107,16 +107,16 @@ def work(size: int, precision: str, folder: Path) -> None:
         frames.append(process_time() - start)
     seconds["frame"] = min(frames)
     seconds["start"], seconds["wall"] = started, perf_counter() - begun
-    processes = Processes.of(piece)
+    processes = Processes.for_piece(piece)
     if processes is not None:
         shapes = 3 * modal.GetOutputDataObject(0).GetNumberOfPoints() * MODES
         import numpy as np
 
         with timed(seconds, "share modes"):
-            processes.from_first(lambda: [np.zeros(shapes)])
+            processes.make_in_first(lambda: [np.zeros(shapes)])
         with timed(seconds, "agree"):
             for _ in range(100):
-                processes.agree()
+                processes.check_peers()
         seconds["agree"] /= 100
     # Next to nothing is drawn: what is timed is how pictures become one.
     view = simple.CreateView("RenderView")

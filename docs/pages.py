@@ -15,7 +15,7 @@ from spacemap_vtk.cli.reports import format_default
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.io import registry
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.pipeline import section_classes
 
 ROOT = Path(__file__).parents[1]
 _KERNELS = {
@@ -54,7 +54,7 @@ def parameters() -> Iterator[str]:
     yield "# Every parameter\n"
     yield "All keys of scene files, as `spacemap keys` prints them. The same names are keywords in"
     yield "Python, fields in the window and in ParaView, and follow `--set` on the command line.\n"
-    for section, owner in sections().items():
+    for section, owner in section_classes().items():
         yield f"## [{section}]\n\n{(owner.__doc__ or '').strip().splitlines()[0]}\n"
         yield "| key | default | meaning | allowed |\n|---|---|---|---|"
         for key, parameter in owner.parameters.items():

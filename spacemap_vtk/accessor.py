@@ -16,7 +16,7 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 from vtkmodules.vtkCommonExecutionModel import vtkAlgorithm, vtkTrivialProducer
 
 from spacemap_vtk.datasets.arrays import add_array, array_of
-from spacemap_vtk.datasets.volume import tetrahedral
+from spacemap_vtk.datasets.volume import split_into_tetrahedra
 from spacemap_vtk.errors import InputError, UnknownNameError
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage, connect
@@ -94,7 +94,7 @@ class SpacemapAccessor:
             )
         if isinstance(cage, pv.MultiBlock):
             cage = cage.combine(merge_points=True)
-        volume = tetrahedral(_with_points(cage), "the cage")
+        volume = split_into_tetrahedra(_to_point_set(cage), "the cage")
         if isinstance(displacement, str):
             values = array_of(volume.grid.GetPointData(), displacement, "deform")
         else:
@@ -114,7 +114,7 @@ class SpacemapAccessor:
         moving = vtkUnstructuredGrid()
         moving.ShallowCopy(volume.grid)
         add_array(moving.GetPointData(), "displacement", np.array(values, dtype=np.float64))
-        return pv.wrap(BarycentricWarp(**warp)(_with_points(self._mesh), moving))
+        return pv.wrap(BarycentricWarp(**warp)(_to_point_set(self._mesh), moving))
 
     def modal(self, **parameters: Any) -> BarycentricWarp:
         """Connect a pipeline in which the mesh vibrates in a cage around it.
@@ -158,13 +158,13 @@ class SpacemapAccessor:
             # prestress the cage.
             owners[-1].configure(**{name: value})
         source = vtkTrivialProducer()
-        source.SetOutput(_with_points(self._mesh))
+        source.SetOutput(_to_point_set(self._mesh))
         return connect((source, connect(source, *stages[:-1])), warp).update(time=0.0)
 
 
-def _with_points(mesh: Any) -> Any:
+def _to_point_set(mesh: Any) -> Any:
     if isinstance(mesh, pv.MultiBlock):
-        blocks = pv.MultiBlock([block if block is None else _with_points(block) for block in mesh])
+        blocks = pv.MultiBlock([block if block is None else _to_point_set(block) for block in mesh])
         for number, name in enumerate(mesh.keys()):
             blocks.set_block_name(number, name)
         return blocks

@@ -4,7 +4,7 @@
   entry never goes out of date.
 - An entry is written completely or not at all. A damaged entry counts as missing and is replaced,
   so there is no need to wait until the disk has written it.
-- The folder holds little more than `LARGEST` bytes: the least recently used entries are removed.
+- The folder holds little more than `MAX_BYTES` bytes: the least recently used entries are removed.
 - The program goes on if the cache fails, for example on a full or read-only disk.
 
 The environment variable SPACEMAP_CACHE names another folder, or switches the cache off (``off``).
@@ -24,17 +24,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.vanishing import vanishing_folder
+from spacemap_vtk.temporary_files import temporary_folder
 
 #: Environment variable that names the folder, or switches the cache off.
 VARIABLE = "SPACEMAP_CACHE"
 
 #: Limit on the bytes of all entries together.
-LARGEST = 2**30
+MAX_BYTES = 2**30
 
-#: The folder is scanned each time this share of `LARGEST` has been stored. Dragging a slider in the
+#: The folder is scanned each time this share of `MAX_BYTES` has been stored. Dragging a slider in the
 #: window stores dozens of entries a second, and a scan of thousands of files for each is too slow.
-_LOOK = 1 / 64
+_SCAN_SHARE = 1 / 64
 _stored = {"bytes": float("inf")}
 
 #: Part of every entry's name. Change it when the meaning of stored arrays changes.
@@ -64,16 +64,16 @@ def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
     place = folder()
     if place is None:
         return None
-    path = _path(place, key)
+    path = _entry_path(place, key)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise ValueError(path)  # reading from a pipe would never end
         with zipfile.ZipFile(path) as entry, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # another program may have written the entry
-            if sum(member.file_size for member in entry.infolist()) > LARGEST:
+            if sum(member.file_size for member in entry.infolist()) > MAX_BYTES:
                 raise ValueError(path)
             every = {name.removesuffix(".npy"): None for name in entry.namelist()}
-            arrays = {name: _read(entry, name, shape) for name, shape in (shapes or every).items()}
+            arrays = {name: _read_array(entry, name, shape) for name, shape in (shapes or every).items()}
         os.utime(path)
     except FileNotFoundError:
         return None
@@ -84,18 +84,18 @@ def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
     return arrays
 
 
-def _read(entry: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None) -> NDArray[Any]:
+def _read_array(entry: zipfile.ZipFile, name: str, shape: tuple[int, ...] | None) -> NDArray[Any]:
     """Read one array and verify its checksum."""
     with entry.open(f"{name}.npy") as stream:
         array: NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
         # Reading past the array makes zipfile verify the checksum at the end of the member, also
         # if a damaged header gives too small a size.
-        if stream.read(1) or not (shape is None or _fits(array, shape)):
+        if stream.read(1) or not (shape is None or _has_shape(array, shape)):
             raise ValueError(name)
     return array
 
 
-def _fits(array: NDArray[Any], shape: tuple[int, ...]) -> bool:
+def _has_shape(array: NDArray[Any], shape: tuple[int, ...]) -> bool:
     known = array.dtype in (np.float64, np.int64) and array.ndim == len(shape)
     return known and all(n in (-1, m) for n, m in zip(shape, array.shape, strict=True))
 
@@ -104,25 +104,25 @@ def store(key: str, **arrays: NDArray[Any]) -> None:
     """Store arrays; an entry with the same key is replaced."""
     place = folder()
     size = sum(array.nbytes for array in arrays.values())
-    if place is None or size > LARGEST / 2:
+    if place is None or size > MAX_BYTES / 2:
         return
     with contextlib.suppress(OSError):
         place.mkdir(parents=True, exist_ok=True)
-        look = _stored["bytes"] + size > _LOOK * LARGEST
-        with vanishing_folder(place, look) as room:
+        look = _stored["bytes"] + size > _SCAN_SHARE * MAX_BYTES
+        with temporary_folder(place, look) as room:
             np.savez(room / "entry.npz", **arrays)  # type: ignore[arg-type]
-            os.replace(room / "entry.npz", _path(place, key))
+            os.replace(room / "entry.npz", _entry_path(place, key))
         _stored["bytes"] += size
         if look:
-            _shrink(place)
+            _remove_oldest(place)
             _stored["bytes"] = 0
 
 
-def _path(place: Path, key: str) -> Path:
+def _entry_path(place: Path, key: str) -> Path:
     return place / f"{key}-{_FORMAT}.npz"
 
 
-def _shrink(place: Path) -> None:
+def _remove_oldest(place: Path) -> None:
     """Remove the least recently used entries until the rest fits."""
     entries = []
     for path in [*place.glob("*.npz"), *place.glob("*.part")]:
@@ -131,7 +131,7 @@ def _shrink(place: Path) -> None:
             entries.append((status.st_mtime, status.st_size, path))
     total = sum(size for _, size, _ in entries)
     for _, size, path in sorted(entries):
-        if total <= LARGEST:
+        if total <= MAX_BYTES:
             return
         with contextlib.suppress(OSError):
             path.unlink()

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 #: Packages whose frames are skipped when a warning looks for the user's line.
-_INSIDE = ("spacemap_vtk", "vtkmodules", "pyvista")
+_OWN_PACKAGES = ("spacemap_vtk", "vtkmodules", "pyvista")
 
 
 class SpacemapError(Exception):
@@ -57,12 +57,12 @@ class SpacemapError(Exception):
         if where and self.message.startswith(where):
             where = ""  # a mesh was given as a scene: the user wrote no key
         elif self.key is not None:
-            where += _cut(f"{self.section}.{self.key}" if self.section else self.key, 160)
-            where += ": " if self.value is None else f" = {shown(self.value)}: "
-        text = where + _cut(self.message, 1000)
+            where += _shorten(f"{self.section}.{self.key}" if self.section else self.key, 160)
+            where += ": " if self.value is None else f" = {format_value(self.value)}: "
+        text = where + _shorten(self.message, 1000)
         if self.allowed:
             text += f"; allowed: {self.allowed}"
-        return printable(f"{text}. {self.cure}" if self.cure else text)
+        return escape_unprintable(f"{text}. {self.cure}" if self.cure else text)
 
 
 class InputError(SpacemapError, ValueError):
@@ -89,7 +89,7 @@ class MissingLibraryError(SpacemapError, RuntimeError):
     """A system library or an optional package that is not installed."""
 
 
-class Remark(str):
+class InfoMessage(str):
     """A sentence that only informs. `spacemap info` prints it; pictures do not warn about it."""
 
     __slots__ = ()
@@ -113,7 +113,7 @@ def warn_user(text: str) -> None:
         If a filter of `warnings` turns it into an error.
     """
     frame = sys._getframe(1)
-    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _INSIDE:
+    while frame.f_back and frame.f_globals.get("__name__", "").partition(".")[0] in _OWN_PACKAGES:
         frame = frame.f_back
     warnings.warn_explicit(
         text,
@@ -126,7 +126,7 @@ def warn_user(text: str) -> None:
 
 
 @contextmanager
-def naming(key: str) -> Iterator[None]:
+def add_key_to_errors(key: str) -> Iterator[None]:
     """Add a parameter's name to errors that name no parameter.
 
     Parameters
@@ -147,7 +147,7 @@ def naming(key: str) -> Iterator[None]:
 
 
 @contextmanager
-def naming_section(section: str) -> Iterator[None]:
+def add_section_to_errors(section: str) -> Iterator[None]:
     """Add the name of the scene section to errors.
 
     Parameters
@@ -167,7 +167,7 @@ def naming_section(section: str) -> Iterator[None]:
         raise
 
 
-def shown(value: object) -> str:
+def format_value(value: object) -> str:
     """Format `value` as a user would write it, in one line.
 
     Parameters
@@ -182,15 +182,15 @@ def shown(value: object) -> str:
     """
     if isinstance(value, Path):
         return f'"{value}"'
-    return _cut(_written(value), 80)
+    return _shorten(_format(value), 80)
 
 
-def _cut(text: str, most: int) -> str:
-    text = printable(text[: most + 1])
+def _shorten(text: str, most: int) -> str:
+    text = escape_unprintable(text[: most + 1])
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def one_line(error: BaseException) -> str:
+def format_error(error: BaseException) -> str:
     """Return the message of any error in one line.
 
     Parameters
@@ -209,7 +209,7 @@ def one_line(error: BaseException) -> str:
     return text or type(error).__name__
 
 
-def printable(text: str, keep: str = "") -> str:
+def escape_unprintable(text: str, keep: str = "") -> str:
     """Replace unprintable characters, which a stranger's file may contain, by their codes.
 
     Parameters
@@ -229,9 +229,9 @@ def printable(text: str, keep: str = "") -> str:
     return "".join(c if c.isprintable() or c in keep else repr(c)[1:-1] for c in text)
 
 
-def _written(value: object) -> str:
+def _format(value: object) -> str:
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_written(item) for item in value)}]"
+        return f"[{', '.join(_format(item) for item in value)}]"
     if isinstance(value, bool):
         return str(value).lower()
     return f'"{value}"' if isinstance(value, str) else str(value)

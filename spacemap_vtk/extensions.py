@@ -40,7 +40,7 @@ _PREFIX = "spacemap_vtk."
 #: The program's optional parts. They are listed here and not in the package's metadata, because
 #: a checkout on PYTHONPATH has no metadata, for example in ParaView. Formats are missing here: all
 #: modules of `spacemap_vtk.io.formats` register themselves.
-OWN = {
+BUILT_IN = {
     "commands": {
         "serve": "spacemap_vtk.cli.serve:serve",
         "paraview": "spacemap_vtk.paraview.command:paraview",
@@ -70,8 +70,8 @@ class Member:
 
 def members(group: str) -> list[Member]:
     """Return the members of a group: this program's first, then those of installed packages."""
-    own = [Member(name, value) for name, value in OWN.get(group, {}).items()]
-    return [*own, *_installed().get(group, [])]
+    own = [Member(name, value) for name, value in BUILT_IN.get(group, {}).items()]
+    return [*own, *_installed_members().get(group, [])]
 
 
 def load(group: str, name: str) -> Any:
@@ -102,7 +102,7 @@ def load_all(group: str) -> list[Any]:
 
 
 @cache
-def _installed() -> dict[str, list[Member]]:
+def _installed_members() -> dict[str, list[Member]]:
     """Return the members that other packages add, by group."""
     # Every command calls this, hardly any machine has such a package, and importing
     # importlib.metadata takes a tenth of the command line's time.

@@ -21,7 +21,7 @@ from spacemap_vtk.errors import SizeError
 
 #: Smaller requests [bytes] are never refused. A machine without this much memory runs no program
 #: at all, and asking takes 1 ms while another thread works: a tenth of a frame during a drag.
-SMALL = 2**24
+NEVER_REFUSED = 2**24
 #: Bytes of a cache line, which is also the width of the widest vector registers.
 _LINE = 64
 #: Results of this many bytes leave the cache before they are read again.
@@ -39,13 +39,13 @@ _GROUP_FILES = (
 )
 
 
-def available() -> int | None:
+def available_bytes() -> int | None:
     """Return the bytes that can still be allocated; None if unknown."""
-    free = _left_in_machine(), left_in_group(), _left_in_process()
+    free = _available_in_machine(), available_in_cgroups(), _available_in_process()
     return min((left for left in free if left is not None), default=None)
 
 
-def _left_in_process() -> int | None:
+def _available_in_process() -> int | None:
     """Return the bytes that "ulimit -v" leaves to this process; None without a limit."""
     try:
         import resource  # not on Windows
@@ -57,7 +57,7 @@ def _left_in_process() -> int | None:
     return None if most == resource.RLIM_INFINITY else max(most - used, 0)
 
 
-def _left_in_machine() -> int | None:
+def _available_in_machine() -> int | None:
     try:
         for row in Path("/proc/meminfo").read_text().splitlines():
             # The same figure as psutil's, which takes long to import.
@@ -75,7 +75,7 @@ def _left_in_machine() -> int | None:
     return int(psutil.virtual_memory().available)
 
 
-def left_in_group(
+def available_in_cgroups(
     processes: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
 ) -> int | None:
     """Return the bytes that this process's control groups leave to it; None without a limit."""
@@ -93,13 +93,13 @@ def left_in_group(
             group = mount / name.lstrip("/")
             # A container may see its control group as the root, but under the host's name for it.
             for folder in (group, *group.parents):
-                left += _left_in(folder)
+                left += _available_in_cgroup(folder)
                 if folder == mount:
                     break
     return min(left, default=None)
 
 
-def _left_in(folder: Path) -> Iterator[int]:
+def _available_in_cgroup(folder: Path) -> Iterator[int]:
     for limit, usage, reclaimable in _GROUP_FILES:
         try:
             most, used = int((folder / limit).read_text()), int((folder / usage).read_text())
@@ -110,13 +110,13 @@ def _left_in(folder: Path) -> Iterator[int]:
         yield max(most - used + files, 0)
 
 
-def fits(size: int) -> bool:
+def fits_in_memory(size: int) -> bool:
     """Return whether this many bytes can be allocated."""
-    free = available() if size > SMALL else None
+    free = available_bytes() if size > NEVER_REFUSED else None
     return free is None or size <= free
 
 
-def require(
+def require_memory(
     size: int,
     what: str,
     *,
@@ -125,7 +125,7 @@ def require(
     cure: str | Callable[[int], str] | None = None,
 ) -> None:
     """Raise SizeError if a request would not fit into memory."""
-    free = available() if size > SMALL else None
+    free = available_bytes() if size > NEVER_REFUSED else None
     if free is not None and size > free:
         raise SizeError(
             f"{what} would need about {size / 2**30:.3g} GiB of memory",
@@ -142,7 +142,7 @@ def is_streamed(*arrays: NDArray[Any]) -> bool:
     return large and all(array.ctypes.data % _LINE == 0 for array in arrays)
 
 
-def aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+def allocate_aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """Allocate an uninitialised array that begins at a cache line (64 bytes)."""
     kind = np.dtype(dtype)
     memory = np.empty(count * kind.itemsize + _LINE, np.uint8)
@@ -150,7 +150,7 @@ def aligned(count: int, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     return memory[begin : begin + count * kind.itemsize].view(kind)
 
 
-class Recycler:
+class ArrayPool:
     """Pool of uninitialised arrays that reuse the memory of earlier ones."""
 
     # A returned array, or any view of it, may be kept for ever: its memory returns to the pool only
@@ -166,9 +166,9 @@ class Recycler:
         self._keep = keep
         self.free: list[memoryview] = []
         #: Memory in use, by the identity of the weak reference that watches it.
-        self._lent: dict[int, tuple[weakref.ref[NDArray[Any]], memoryview]] = {}
+        self._in_use: dict[int, tuple[weakref.ref[NDArray[Any]], memoryview]] = {}
         #: The weak references whose arrays have been deleted.
-        self._left: deque[weakref.ref[NDArray[Any]]] = deque()
+        self._deleted: deque[weakref.ref[NDArray[Any]]] = deque()
 
     def empty(self, shape: Sequence[int], dtype: DTypeLike) -> NDArray[Any]:
         """Return an uninitialised, C-contiguous array."""
@@ -176,29 +176,29 @@ class Recycler:
         size = prod(shape) * kind.itemsize
         if not size:
             return np.empty(tuple(shape), kind)
-        memory = self._take(size)
+        memory = self._acquire(size)
         owner = np.frombuffer(memory, kind)
-        watch = weakref.ref(owner, self._left.append)
-        self._lent[id(watch)] = watch, memory
+        watch = weakref.ref(owner, self._deleted.append)
+        self._in_use[id(watch)] = watch, memory
         return owner.reshape(shape)
 
-    def _take(self, size: int) -> memoryview:
+    def _acquire(self, size: int) -> memoryview:
         self._collect()
         try:
             while (block := self.free.pop()).nbytes != size:
                 pass  # a block of another size will hardly be requested again
         except IndexError:
             # np.empty requests huge pages where the system has them; bytearray would clear memory.
-            return aligned(size, np.uint8).data
+            return allocate_aligned(size, np.uint8).data
         return block
 
     def _collect(self) -> None:
         """Return memory to the pool that nothing refers to any more."""
-        while self._left:
+        while self._deleted:
             try:
-                watch = self._left.popleft()
+                watch = self._deleted.popleft()
             except IndexError:  # another thread was faster
                 return
-            block = self._lent.pop(id(watch))[1]
+            block = self._in_use.pop(id(watch))[1]
             if len(self.free) < self._keep:
                 self.free.append(block)

@@ -23,6 +23,6 @@ AnyInts = NDArray[np.integer[Any]]
 #: Receives the share of work that is done, 0 to 1; may raise to stop the work.
 Progress = Callable[[float], object]
 #: Receives the number of steps done and their total; may raise to stop the work.
-Tell = Callable[[int, int], object]
+StepProgress = Callable[[int, int], object]
 #: Receives a message.
-Say = Callable[[str], object]
+MessageCallback = Callable[[str], object]

@@ -36,7 +36,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 BLAS_SERIAL = 2**18
 
 #: Surface points or embedded points from which a compiler, or threads, save more than they cost.
-WORTHWHILE = 100_000
+MANY_POINTS = 100_000
 
 # The work is limited by memory bandwidth: more threads only wait for each other.
 _MOST_THREADS = 8
@@ -49,10 +49,10 @@ def thread_count() -> int:
 
 def core_count() -> int:
     """Return the number of cores that this process may use."""
-    return len(cores())
+    return len(core_numbers())
 
 
-def cores() -> list[int]:
+def core_numbers() -> list[int]:
     """Return the numbers of the cores that this process may use."""
     try:
         return sorted(os.sched_getaffinity(0))
@@ -103,7 +103,7 @@ def for_each(
 _IN_CACHE = ("spacemap_vtk.draw.software.raster_loops",)
 
 
-def compiled(function: Function) -> Function:
+def compile_function(function: Function) -> Function:
     """Return a function that is compiled at its first call, for the types of its arguments."""
     # The machine code is stored on disk, so that the compiler runs only once per machine.
     from numba import config, njit
@@ -127,7 +127,7 @@ def compiled(function: Function) -> Function:
     return made
 
 
-def loops(name: str, many: bool) -> ModuleType | None:
+def load_loops(name: str, many: bool) -> ModuleType | None:
     """Import a module of compiled loops; None if there are too few points or no compiler."""
     wish = os.environ.get("SPACEMAP_COMPILED")
     if wish == "never" or (wish != "always" and not many):

@@ -84,7 +84,7 @@ class Parameter(Generic[T]):
         self.group = group
         self.when = when
         #: The condition `when` in words; empty if the parameter always has an effect.
-        self.counts = ""
+        self.condition = ""
         self.help = help
         self.unit = unit
         self.automatic = automatic
@@ -174,7 +174,7 @@ class Parameter(Generic[T]):
         """
         raise NotImplementedError
 
-    def within(self, value: Any, folder: Path) -> Any:
+    def resolve_path(self, value: Any, folder: Path) -> Any:
         """Resolve relative paths in a given value against a folder.
 
         Parameters
@@ -202,7 +202,7 @@ class Parameter(Generic[T]):
         """Whether ``None`` is a valid value."""
         return self._default is None
 
-    def usual(self, of_object: bool) -> T:
+    def default_for(self, of_object: bool) -> T:
         """Return the value used if none is given: the default, or None if that is for cloth only.
 
         Parameters
@@ -235,14 +235,14 @@ class Parameter(Generic[T]):
     @property
     def allowed(self) -> str:
         """The accepted values, in words."""
-        return f'{self.form}, or "{AUTOMATIC}"' if self.automatic else self.form
+        return f'{self.expected}, or "{AUTOMATIC}"' if self.automatic else self.expected
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The accepted values except `AUTOMATIC`, in words."""
         return self.annotation
 
-    def show(self, value: T) -> str:
+    def format(self, value: T) -> str:
         """Format a value as a user would write it.
 
         Parameters
@@ -274,7 +274,7 @@ class Parameter(Generic[T]):
         """
         return str(value)
 
-    def tell(self, value: T) -> str:
+    def format_figure(self, value: T) -> str:
         """Format a computed value for people.
 
         Parameters
@@ -287,9 +287,9 @@ class Parameter(Generic[T]):
         str
             As `show`, but a number has four digits and is also given in its trade unit.
         """
-        return self.show(value)
+        return self.format(value)
 
-    def join(self, others: Mapping[str, Parameter[Any]]) -> None:
+    def finish_declaration(self, others: Mapping[str, Parameter[Any]]) -> None:
         """Set `counts` and the docstring, once all parameters of the class are known.
 
         Parameters
@@ -297,8 +297,8 @@ class Parameter(Generic[T]):
         others : mapping of str to Parameter
             The parameters of the class by name.
         """
-        self.counts = " and ".join(
-            f"{key} is {_listed(others[key], values)}" for key, values in self.when.items()
+        self.condition = " and ".join(
+            f"{key} is {_format_values(others[key], values)}" for key, values in self.when.items()
         )
         self.__doc__ = self.describe()
 
@@ -314,10 +314,10 @@ class Parameter(Generic[T]):
         return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.usually}."
 
     @property
-    def usually(self) -> str:
+    def default_text(self) -> str:
         """The default in words."""
         of_object = f"; of an object {AUTOMATIC}" if self.automatic and not self.optional else ""
-        return self.show(self.default) + of_object
+        return self.format(self.default) + of_object
 
 
 class Parameterised:
@@ -331,12 +331,12 @@ class Parameterised:
     synonyms: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     #: The values of automatic parameters in the last run, by name.
-    in_use: Mapping[str, Any] = MappingProxyType({})
+    automatic_values: Mapping[str, Any] = MappingProxyType({})
 
     #: The values that differ from the defaults, by name.
     _values: dict[str, Any]
     #: The names that a scene has set, also if to their defaults.
-    _written: set[str]
+    _set_in_scene: set[str]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -346,7 +346,7 @@ class Parameterised:
             cls.parameters |= getattr(base, "parameters", {})
         cls.parameters |= own
         for parameter in own.values():
-            parameter.join(cls.parameters)
+            parameter.finish_declaration(cls.parameters)
         cls.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
             [
                 inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=p.default)
@@ -354,11 +354,11 @@ class Parameterised:
             ]
         )
         if "__doc__" in vars(cls) and cls.__doc__ and cls.parameters:
-            cls.__doc__ = _with_parameters(cls.__doc__, cls.parameters)
+            cls.__doc__ = _insert_parameters(cls.__doc__, cls.parameters)
 
     def __init__(self, **values: Any) -> None:
         self._values = {}
-        self._written = set()
+        self._set_in_scene = set()
         self.configure(**values)
 
     def configure(self, **values: Any) -> None:
@@ -381,7 +381,7 @@ class Parameterised:
         for name, value in values.items():
             setattr(self, self.parameter(name).name, value)
 
-    def write(self, name: str, value: Any) -> None:
+    def set_from_scene(self, name: str, value: Any) -> None:
         """Set a parameter as a scene or the command line does.
 
         Parameters
@@ -393,13 +393,13 @@ class Parameterised:
         """
         self.parameter(name).require_plausible(value)
         self.configure(**{name: value})
-        self._written.add(name)
+        self._set_in_scene.add(name)
 
     @property
-    def given(self) -> dict[str, Any]:
+    def given_values(self) -> dict[str, Any]:
         """The values that were given, by name, including defaults that a scene sets."""
         # In order of declaration, whatever order they were set in.
-        names = [name for name in self.parameters if name in self._values or name in self._written]
+        names = [name for name in self.parameters if name in self._values or name in self._set_in_scene]
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -433,7 +433,7 @@ class Parameterised:
         return cls.parameters[name]
 
     @classmethod
-    def usual(cls, of_object: bool) -> dict[str, Any]:
+    def defaults_for(cls, of_object: bool) -> dict[str, Any]:
         """Return the values used if none are given, where they differ from the defaults.
 
         Parameters
@@ -446,10 +446,10 @@ class Parameterised:
         dict of str to object
             By name; empty for cloth.
         """
-        every = {name: (p.usual(of_object), p.default) for name, p in cls.parameters.items()}
+        every = {name: (p.default_for(of_object), p.default) for name, p in cls.parameters.items()}
         return {name: usual for name, (usual, default) in every.items() if usual != default}
 
-    def idle(self, name: str) -> str:
+    def disabled_by(self, name: str) -> str:
         """Return why a parameter has no effect at present.
 
         Parameters
@@ -465,7 +465,7 @@ class Parameterised:
         for key, values in self.parameter(name).when.items():
             value = getattr(self, key)
             if value not in values if values else value is None:
-                return f"{key} is {_listed(self.parameters[key], [value])}"
+                return f"{key} is {_format_values(self.parameters[key], [value])}"
         return ""
 
     @property
@@ -484,7 +484,7 @@ class Parameterised:
         """React to a changed parameter. Does nothing by default."""
 
 
-def _listed(parameter: Parameter[Any], values: Sequence[Any]) -> str:
+def _format_values(parameter: Parameter[Any], values: Sequence[Any]) -> str:
     """Put values of a parameter into words: as "not …" if fewer choices are left out."""
     if not values:
         return "given"
@@ -495,7 +495,7 @@ def _listed(parameter: Parameter[Any], values: Sequence[Any]) -> str:
         return f"not {words[0]}" if len(words) == 1 else f"neither {' nor '.join(words)}"
     if choices:
         return " or ".join(f'"{word}"' for word in values)
-    return " or ".join(AUTOMATIC if value is None else parameter.show(value) for value in values)
+    return " or ".join(AUTOMATIC if value is None else parameter.format(value) for value in values)
 
 
 def suggestion(name: str, names: Iterable[str]) -> str | None:
@@ -517,13 +517,13 @@ def suggestion(name: str, names: Iterable[str]) -> str | None:
     return f'Did you mean "{near[0]}"?' if near else None
 
 
-def _with_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
+def _insert_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
     """Insert a numpydoc Parameters section before the docstring's first section."""
     doc = inspect.cleandoc(doc)
     lines = ["Parameters", "----------"]
     for name, parameter in parameters.items():
         lines.append(
-            f"{name} : {parameter.annotation}, default: {parameter.show(parameter.default)}"
+            f"{name} : {parameter.annotation}, default: {parameter.format(parameter.default)}"
         )
         lines.append(f"    {parameter.help}")
         if parameter.counts:

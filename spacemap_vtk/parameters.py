@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError, shown
+from spacemap_vtk.errors import InputError, format_value
 from spacemap_vtk.parameterised import AUTOMATIC as AUTOMATIC
 from spacemap_vtk.parameterised import Parameter as Parameter
 from spacemap_vtk.parameterised import Parameterised as Parameterised
@@ -22,7 +22,7 @@ from spacemap_vtk.units import UNITS, format_quantity, parse_quantity, split_qua
 
 #: Largest number in SI. Drawing uses single precision, which ends at 3e38; a product of a few
 #: numbers up to this limit stays within double precision.
-_LARGEST = 1e36
+_MAX_NUMBER = 1e36
 
 
 class Real(Parameter[Any]):
@@ -67,7 +67,7 @@ class Real(Parameter[Any]):
         **rest: Any,
     ) -> None:
         super().__init__(default, help, **rest)
-        self.trade = trade
+        self.trade_unit = trade
         self.plausible, self.usual_units = plausible, usual_units
         self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
 
@@ -86,8 +86,8 @@ class Real(Parameter[Any]):
         if not math.isfinite(number):
             raise InputError("not a finite number")
         self._check_range(number)
-        if number and not 1 / _LARGEST <= abs(number) <= _LARGEST:
-            raise InputError(f"nothing is computed beyond {_LARGEST:g}, nor nearer to 0 than 1e-36")
+        if number and not 1 / _MAX_NUMBER <= abs(number) <= _MAX_NUMBER:
+            raise InputError(f"nothing is computed beyond {_MAX_NUMBER:g}, nor nearer to 0 than 1e-36")
         return number
 
     def parse(self, text: str) -> float:
@@ -153,7 +153,7 @@ class Real(Parameter[Any]):
         )
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """Type, unit and range in words."""
         kind = "a whole number" if self.kind == "integer" else "a number"
         words = f"{kind} {self.range}".rstrip()
@@ -170,12 +170,12 @@ class Real(Parameter[Any]):
         """Format the value with a suitable unit."""
         return format_quantity(value, self.unit)
 
-    def tell(self, value: Any) -> str:
+    def format_figure(self, value: Any) -> str:
         """Format the value to four digits, with a suitable unit and in the trade's unit."""
         text = format_quantity(value, self.unit, 4)
-        if not self.trade:
+        if not self.trade_unit:
             return text
-        return f"{text} ({value / UNITS[self.unit][self.trade]:.4g} {self.trade})"
+        return f"{text} ({value / UNITS[self.unit][self.trade_unit]:.4g} {self.trade_unit})"
 
 
 def bare_number(value: Any) -> float | None:
@@ -195,7 +195,7 @@ def bare_number(value: Any) -> float | None:
         found = split_quantity(value)
         return found[0] if found is not None and found[1] == "" else None
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return float(value) if is_number and abs(value) <= _LARGEST else None
+    return float(value) if is_number and abs(value) <= _MAX_NUMBER else None
 
 
 class Integer(Real):
@@ -221,7 +221,7 @@ class Flag(Parameter[bool]):
 
     kind = "flag"
     annotation = "bool"
-    form = "true or false"
+    expected = "true or false"
 
     def convert(self, value: Any) -> bool:
         """Return the bool; other types are refused."""
@@ -263,7 +263,7 @@ class Choice(Parameter[str]):
         return str(value)
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The words, quoted."""
         return " or ".join(f'"{choice}"' for choice in self.choices)
 
@@ -311,9 +311,9 @@ class Vector(Parameter[tuple[Any, ...]]):
         return tuple(self.component.convert(component) for component in components)
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The components in words."""
-        return f"a list [{', '.join(self.labels)}], each {self.component.form}"
+        return f"a list [{', '.join(self.labels)}], each {self.component.expected}"
 
     def text(self, value: tuple[Any, ...]) -> str:
         """Format the components as in TOML, in SI."""
@@ -325,7 +325,7 @@ class Text(Parameter[str]):
 
     kind = "text"
     annotation = "str"
-    form = "a string"
+    expected = "a string"
 
     def convert(self, value: Any) -> str:
         """Return the string."""
@@ -343,7 +343,7 @@ class FilePath(Parameter[Any]):
 
     kind = "file"
     annotation = "str or path-like"
-    form = "the path of a file"
+    expected = "the path of a file"
 
     def convert(self, value: Any) -> Path:
         """Convert to a Path. Whether the file exists is checked when it is read."""
@@ -351,15 +351,15 @@ class FilePath(Parameter[Any]):
             raise InputError("not a path")
         return Path(value)
 
-    def within(self, value: Any, folder: Path) -> Any:
+    def resolve_path(self, value: Any, folder: Path) -> Any:
         """Join the folder and the path; `AUTOMATIC` is not a path."""
         if not isinstance(value, str) or not value or self.is_automatic(value):
             return value
-        require_near(value, key=self.name)
+        require_local_file(value, key=self.name)
         return folder / value
 
 
-def require_near(word: str, by: Path | None = None, key: str = "file") -> None:
+def require_local_file(word: str, by: Path | None = None, key: str = "file") -> None:
     """Refuse a file name that refers to another machine.
 
     Parameters
@@ -393,7 +393,7 @@ class Color(Parameter[Any]):
 
     kind = "color"
     annotation = "str or sequence of 3 int"
-    form = 'a colour as "#rrggbb" or [red, green, blue] from 0 to 255'
+    expected = 'a colour as "#rrggbb" or [red, green, blue] from 0 to 255'
 
     def convert(self, value: Any) -> tuple[int, int, int]:
         """Convert to red, green and blue from 0 to 255."""
@@ -434,7 +434,7 @@ class Series(Parameter[Any]):
 
     kind = "series"
     #: What a list means, in words.
-    each = ""
+    list_meaning = ""
 
     def __init__(self, component: Parameter[Any], *, automatic: str, **rest: Any) -> None:
         super().__init__(None, component.help, unit=component.unit, automatic=automatic, **rest)
@@ -447,7 +447,7 @@ class Series(Parameter[Any]):
 
     def convert(self, value: Any) -> Any:
         """Convert to a checked value, or to a tuple of several."""
-        value = _listed(value)
+        value = _split_commas(value)
         try:
             return self.component.convert(value)
         except InputError:
@@ -459,7 +459,7 @@ class Series(Parameter[Any]):
             try:
                 items.append(self.component.convert(item))
             except InputError as error:
-                what = f"value {number}, {shown(item)}: {error.message}"
+                what = f"value {number}, {format_value(item)}: {error.message}"
                 raise InputError(what, cure=error.cure) from None
         if not items:
             raise InputError("an empty list")
@@ -467,21 +467,21 @@ class Series(Parameter[Any]):
 
     def require_plausible(self, value: Any) -> None:
         """Refuse a value, or an item of a list, that the component finds implausible."""
-        value = _listed(value)
+        value = _split_commas(value)
         for item in value if isinstance(value, (list, tuple)) else [value]:
             self.component.require_plausible(item)
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The form of each value, in words."""
-        return f"{self.component.form}; or a list of such, {self.each}"
+        return f"{self.component.expected}; or a list of such, {self.list_meaning}"
 
     def text(self, value: Any) -> str:
         """Format the value, or the list with commas."""
-        several = self.several(value)
-        return ", ".join(self.component.show(item) for item in several or (value,))
+        several = self.items(value)
+        return ", ".join(self.component.format(item) for item in several or (value,))
 
-    def several(self, value: Any) -> tuple[Any, ...] | None:
+    def items(self, value: Any) -> tuple[Any, ...] | None:
         """Return the values if they are a list.
 
         Parameters
@@ -501,7 +501,7 @@ class Series(Parameter[Any]):
         return value if is_list else None
 
 
-def _listed(value: Any) -> Any:
+def _split_commas(value: Any) -> Any:
     """Split a text at commas; return anything else unchanged."""
     if isinstance(value, str) and "," in value:
         return [item.strip() for item in value.split(",")]

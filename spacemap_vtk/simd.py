@@ -1,6 +1,6 @@
 """Vector instructions for compiled loops that Numba does not vectorise.
 
-Each function here is inlined into a loop under `spacemap_vtk.parallel.compiled` as a few LLVM
+Each function here is inlined into a loop under `spacemap_vtk.parallel.compile_function` as a few LLVM
 instructions.
 
 - Arrays are flat and contiguous. Nothing is checked: the caller must keep to the bounds that each
@@ -23,7 +23,7 @@ from numba.extending import intrinsic
 LINE = 64
 
 _INT32, _INT64 = ir.IntType(32), ir.IntType(64)
-#: A multiply-add may be rounded once (fused), as `spacemap_vtk.parallel.compiled` allows.
+#: A multiply-add may be rounded once (fused), as `spacemap_vtk.parallel.compile_function` allows.
 _CONTRACT = ("contract",)
 
 

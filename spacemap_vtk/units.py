@@ -111,12 +111,12 @@ def parse_quantity(text: str, unit: str) -> float:
     found = split_quantity(text)
     known = UNITS.get(unit, {})
     if found is None:
-        raise InputError("not a number", value=text, allowed=_example(unit))
+        raise InputError("not a number", value=text, allowed=_allowed_text(unit))
     number, name = found
     if name == "":
         return number
     if name not in known:
-        raise InputError(f'unit "{name}" is not known here', value=text, allowed=_example(unit))
+        raise InputError(f'unit "{name}" is not known here', value=text, allowed=_allowed_text(unit))
     # Dividing by an exact 1000 rounds once ("0.3 mm" is 0.0003); 0.3 * 1e-3 would round twice.
     size = known[name]
     parts = round(1 / size)
@@ -125,19 +125,19 @@ def parse_quantity(text: str, unit: str) -> float:
     return number * size
 
 
-def _example(unit: str) -> str:
+def _allowed_text(unit: str) -> str:
     units = UNITS.get(unit)
     return "a number" if not units else "a number, or one with a unit of " + ", ".join(units)
 
 
-def pretty(text: str) -> str:
+def typeset_units(text: str) -> str:
     """Write units as in print: m/s², N·m."""
     return re.sub(
         r"(?<![a-zA-Z])((?:[kmcuµ]?m|s|yd))([23])\b", lambda m: m[1] + "²³"[int(m[2]) - 2], text
     ).replace("N.m", "N·m")
 
 
-def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
+def align_decimals(values: Iterable[float], digits: int = 4) -> list[str]:
     """Format numbers with equally many decimals, so that the smallest has `digits` digits."""
     numbers = list(values)
     least = min((abs(number) for number in numbers if number), default=1.0)
@@ -145,7 +145,7 @@ def aligned(values: Iterable[float], digits: int = 4) -> list[str]:
     return [f"{number:.{decimals}f}" for number in numbers]
 
 
-def metres(value: float) -> str:
+def format_length(value: float) -> str:
     """Format a length given in m."""
     return format_quantity(value, "m")
 

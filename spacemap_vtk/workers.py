@@ -23,13 +23,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from spacemap_vtk.errors import InputError, MissingLibraryError, SpacemapError
-from spacemap_vtk.memory import available, require
+from spacemap_vtk.memory import available_bytes, require_memory
 from spacemap_vtk.parallel import core_count
 
 #: Environment variable that is set in worker processes.
-EXPENDABLE = "SPACEMAP_EXPENDABLE"
+WORKER_VARIABLE = "SPACEMAP_EXPENDABLE"
 #: Bytes that a process needs before it does any work.
-_PYTHON = 300_000_000
+_PYTHON_BYTES = 300_000_000
 #: Seconds between two checks for Ctrl-C, which on Windows does not interrupt a wait.
 _PATIENCE = 0.5
 #: Longest time to wait for a scheduler's answer [s].
@@ -40,11 +40,11 @@ _SCHEMES = ("inproc", "ucx", "ws", "wss")
 _ENDS = {-9: ", perhaps for lack of memory", 137: ", perhaps for lack of memory"}
 
 
-class EndedError(SpacemapError, RuntimeError):
+class WorkerEndedError(SpacemapError, RuntimeError):
     """A process ended before it finished its work, for example because it was killed."""
 
 
-def in_processes(
+def run_in_processes(
     function: str, tasks: Sequence[Any], count: int
 ) -> Generator[tuple[int, Any | Exception]]:
     """Yield, as tasks end, the number of each and its result or error."""
@@ -59,7 +59,7 @@ def in_processes(
     threads = str(max(1, core_count() // count))
 
     def started() -> subprocess.Popen[bytes]:
-        children.append(start(function, {"LP_NUM_THREADS": threads, **os.environ}))
+        children.append(start_worker(function, {"LP_NUM_THREADS": threads, **os.environ}))
         return children[-1]
 
     def serve() -> None:
@@ -74,10 +74,10 @@ def in_processes(
                 except OSError as error:
                     done.put((number, SpacemapError(f"no process could be started: {error}")))
                     continue
-            result, child = ask(child, task)
+            result, child = run_task(child, task)
             done.put((number, result))
         if child is not None:
-            end(child)
+            end_worker(child)
 
     servers = [threading.Thread(target=serve, daemon=True) for _ in range(count)]
     for server in servers:
@@ -102,20 +102,20 @@ def process_count(jobs: int, worth: int, need: int, asked: int | None) -> int:
     """Return how many processes to start; raise SizeError if the number asked for does not fit."""
     # `worth` limits the number if none is asked for. Each process needs `need` bytes in addition to
     # the Python interpreter.
-    need, free = need + _PYTHON, available()
+    need, free = need + _PYTHON_BYTES, available_bytes()
     fits = jobs if free is None else max(1, free // need)
     if asked is None:
         return max(1, min(core_count(), fits, worth))
     count, cure = min(asked, jobs), f"Take {fits} or fewer."
     if count > 1:
-        require(count * need, f"{count} processes", key="--workers", value=asked, cure=cure)
+        require_memory(count * need, f"{count} processes", key="--workers", value=asked, cure=cure)
     return count
 
 
-def on_cluster(
+def run_on_cluster(
     address: str, function: Callable[[Any], Any], tasks: Sequence[Any]
 ) -> Generator[tuple[int, Any | Exception]]:
-    """Yield the same as `in_processes`, computed by the workers of a Dask cluster."""
+    """Yield the same as `run_in_processes`, computed by the workers of a Dask cluster."""
     try:
         from distributed import Client, as_completed
     except ImportError:
@@ -160,7 +160,7 @@ def on_cluster(
             client.cancel(list(futures))
 
 
-def start(function: str, environment: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
+def start_worker(function: str, environment: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
     """Start a process that applies the function "module:name" to each task that it receives."""
     # Without the empty entry, which is the current folder: it may be the folder of a stranger's
     # scene, whose modules must not be imported.
@@ -169,12 +169,12 @@ def start(function: str, environment: Mapping[str, str], **more: Any) -> subproc
         [sys.executable, "-m", "spacemap_vtk.workers", function],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env={**environment, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1", EXPENDABLE: "1"},
+        env={**environment, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1", WORKER_VARIABLE: "1"},
         **more,
     )
 
 
-def ask(
+def run_task(
     child: subprocess.Popen[bytes], task: Any
 ) -> tuple[Any | Exception, subprocess.Popen[bytes] | None]:
     """Return a process's result for a task, and the process if it is still alive."""
@@ -185,13 +185,13 @@ def ask(
         child.stdin.flush()
         return pickle.load(child.stdout), child
     except (EOFError, OSError, pickle.UnpicklingError):
-        end(child)
+        end_worker(child)
         code = child.returncode
         why = f"signal {signal.Signals(-code).name}" if code < 0 else f"status {code}"
-        return EndedError(f"its process ended by {why}{_ENDS.get(code, '')}"), None
+        return WorkerEndedError(f"its process ended by {why}{_ENDS.get(code, '')}"), None
 
 
-def end(child: subprocess.Popen[bytes]) -> None:
+def end_worker(child: subprocess.Popen[bytes]) -> None:
     """Close a process's streams, which makes it end, and wait for it."""
     for stream in (child.stdin, child.stdout):
         assert stream is not None
@@ -200,7 +200,7 @@ def end(child: subprocess.Popen[bytes]) -> None:
     child.wait()
 
 
-def told(error: BaseException) -> bytes:
+def pickle_error(error: BaseException) -> bytes:
     """Pickle an error; one that cannot be unpickled is replaced by its message."""
     try:
         answer = pickle.dumps(error)
@@ -210,7 +210,7 @@ def told(error: BaseException) -> bytes:
     return answer
 
 
-def named(function: str) -> Callable[[Any], Any]:
+def import_function(function: str) -> Callable[[Any], Any]:
     """Return the function named by "module:name"."""
     module, _, name = function.partition(":")
     return getattr(import_module(module), name)
@@ -224,7 +224,7 @@ def main() -> None:
     # Text that a library prints must not mix with the answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    function = named(sys.argv[1])
+    function = import_function(sys.argv[1])
     while True:
         try:
             task = pickle.load(sys.stdin.buffer)
@@ -233,7 +233,7 @@ def main() -> None:
         try:
             answer = pickle.dumps(function(task))
         except Exception as error:
-            answer = told(error)
+            answer = pickle_error(error)
         try:
             answers.write(answer)
             answers.flush()

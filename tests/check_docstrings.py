@@ -16,7 +16,7 @@ from pathlib import Path
 from numpydoc.validate import validate
 
 import spacemap_vtk
-from spacemap_vtk.extensions import OWN
+from spacemap_vtk.extensions import BUILT_IN
 
 #: Checks of numpydoc that this project does not use.
 IGNORED = {

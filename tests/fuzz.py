@@ -45,7 +45,7 @@ from fuzz_rare import NAMED
 from fuzz_seeds import LONGEST, WORD, beside, changed, seeds
 
 from spacemap_vtk.io import registry
-from spacemap_vtk.workers import EXPENDABLE
+from spacemap_vtk.workers import WORKER_VARIABLE
 
 SECONDS, MEMORY = 5.0, 2**31
 #: Free memory that the program sees, in bytes.
@@ -155,11 +155,11 @@ def _motion(path: Path) -> None:
 
 def _record(path: Path) -> None:
     from spacemap_vtk.io.provenance import read_record
-    from spacemap_vtk.scenes.origin import scene_of
+    from spacemap_vtk.scenes.scene_record import restore_scene
 
     record = read_record(path)
     if record is not None:
-        scene_of(record, [path.parent])
+        restore_scene(record, [path.parent])
 
 
 def _cache_entry(data: bytes, folder: Path) -> None:
@@ -184,7 +184,7 @@ def _empty_scene() -> Any:
 
 
 def _set(data: bytes, folder: Path) -> None:
-    from spacemap_vtk.scenes.assignments import swept
+    from spacemap_vtk.scenes.assignments import parse_value_list
     from spacemap_vtk.scenes.scene import Scene
 
     text = os.fsdecode(data)  # as the command line has it
@@ -276,7 +276,7 @@ def limit_resources() -> None:
     from spacemap_vtk.errors import SpacemapWarning
     from spacemap_vtk.io import crash_check
 
-    memory.available = crash_check.available = lambda: FREE
+    memory.available_bytes = crash_check.available = lambda: FREE
     crash_check._MOST_SECONDS = 1
     os.environ["SPACEMAP_CACHE"] = "off"
     warnings.simplefilter("error")
@@ -329,11 +329,11 @@ def work(target: Target, board: mmap.mmap, one: Campaign) -> None:
         _BOARD.pack_into(board, 0, index, refused, ended, len(data))
         board[_BOARD.size : _BOARD.size + len(data)] = data
         if target.tried and not ended:
-            os.environ[EXPENDABLE] = "1"
+            os.environ[WORKER_VARIABLE] = "1"
             signal.setitimer(signal.ITIMER_PROF, 0.5)  # ends this process
         said_no, wrong = fault(target, data, one.room)
         signal.setitimer(signal.ITIMER_PROF, 0)
-        os.environ.pop(EXPENDABLE, None)
+        os.environ.pop(WORKER_VARIABLE, None)
         slow = ended == -signal.SIGPROF  # here, and not within what a trial may take
         if ended and not slow and not said_no and wrong is None:
             wrong = f"ended by {-ended} after others", f"{index}: alone it is read"

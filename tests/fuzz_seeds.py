@@ -442,7 +442,7 @@ def _gltf(extras: dict[str, Any] | None = None) -> tuple[list[bytes], list[bytes
 
 def assignments() -> list[bytes]:
     """Return ``--set`` for every parameter, with its default and with what its kind may be."""
-    from spacemap_vtk.scenes.chain import sections
+    from spacemap_vtk.scenes.pipeline import section_classes
 
     usual = {
         "real": ["0.3 mm", "12 kPa", "linspace(1, 2, 5)", "1,2,3", "50%", "1e-3"],
@@ -453,9 +453,9 @@ def assignments() -> list[bytes]:
         "flag": ["true", "false"],
     }
     found = []
-    for section, part in sections().items():
+    for section, part in section_classes().items():
         for name, parameter in part.parameters.items():
-            values = [parameter.show(parameter.default), *usual.get(parameter.kind, [])]
+            values = [parameter.format(parameter.default), *usual.get(parameter.kind, [])]
             values += list(getattr(parameter, "choices", ()))[:3]
             found += [f"{section}.{name}={value}" for value in values]
     places = ["+y", "sphere(0, 0, 0, 1 mm):z", "box(0, 0, 0, 1, 1, 1)", "mask(a)", "+x:n(1,0,0)"]

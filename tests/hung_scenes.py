@@ -15,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
+from spacemap_vtk.scenes.motions import MOTIONS, require_loads, set_motion
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import GRAVITY
 
@@ -54,7 +54,7 @@ def peirces_cantilever(scene: Scene) -> None:
 
 
 def yarns_cantilever(scene: Scene) -> None:
-    figures = report.fabric(scene)
+    figures = report.report_fabric(scene)
     # B p/(p l) over the weight of 30 tex each way, crimp included: Peirce's bending length
     crimp, apart = figures["weft"]["crimp"], 0.5e-3
     weight = 2 * 30e-6 / apart * (1 + crimp) * GRAVITY
@@ -72,7 +72,7 @@ def yarns_cantilever(scene: Scene) -> None:
 
 def pendulums(scene: Scene, count: int) -> list[float]:
     """Return the frequencies that move the most mass out of the plane [Hz], ascending."""
-    modes = report.modes(scene)["modes"]
+    modes = report.report_modes(scene)["modes"]
     by_mass = sorted(modes, key=lambda mode: -mode["effective_mass_share"][2])
     return sorted(mode["frequency_hz"] for mode in by_mass[:count])
 
@@ -100,7 +100,7 @@ def a_drape(scene: Scene) -> None:
     weight = np.outer(model.nodal_mass, scene.modal.gravity).ravel()
     left = np.where(model.free, weight - model.forces, 0.0)
     assert np.abs(left).max() < 1e-6 * np.abs(weight).max()
-    figures = report.modes(scene)
+    figures = report.report_modes(scene)
     assert figures["modes"][0]["frequency_hz"] > 0.1  # stable
     lengths = figures["sheet"]["bending_length"]
     corners = flat[surface.quads]
@@ -160,7 +160,7 @@ def a_hammocks_catenary(scene: Scene) -> None:
     np.testing.assert_allclose(line[:, 0], a * np.arcsinh(lengths / a), atol=2e-3 * x1)
     np.testing.assert_allclose(line[:, 2], np.hypot(a, lengths) - a, atol=2e-3 * x1)
     # All of it sags by less: bending rounds its ends by sqrt(B/T).
-    sag, limp = report.modes(scene)["hung"]["sag"], math.hypot(a, x1) - a
+    sag, limp = report.report_modes(scene)["hung"]["sag"], math.hypot(a, x1) - a
     rounded = math.sqrt(modal.bending_rigidity / (modal.areal_mass * GRAVITY * math.hypot(a, x1)))
     assert limp - rounded < sag < limp
 
@@ -224,16 +224,16 @@ def blown(along: int, way: int, far: float) -> Callable[[Scene], None]:
 
 
 def a_banner_that_swings_far(scene: Scene) -> None:
-    length, small = 0.26, report.modes(scene)["modes"][0]["frequency_hz"]
+    length, small = 0.26, report.report_modes(scene)["modes"][0]["frequency_hz"]
     fall = math.sqrt(GRAVITY / length)
     chain, bar = ZEROS[0] / (4 * math.pi) * fall, math.sqrt(1.5) / (2 * math.pi) * fall
     assert chain < small < bar
-    given, times = loaded_cage(scene), np.linspace(0.3, 2.0, 341)
+    given, times = require_loads(scene), np.linspace(0.3, 2.0, 341)
     longer, largest = {}, {}
     for name in MOTIONS:
-        take_motion(scene, name, given)
-        scene.update_stage(scene.deforming, 0.0)
-        motion = scene.deforming.motion
+        set_motion(scene, name, given)
+        scene.update_stage(scene.cage_stage, 0.0)
+        motion = scene.cage_stage.motion
         rest = motion.points[:, 0]
         hinge, end = rest < rest.min() + 1e-6, rest > rest.max() - 1e-6
         angles = []

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.assignments import swept
-from spacemap_vtk.scenes.runs import sweep_of
+from spacemap_vtk.scenes.assignments import parse_value_list
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.sweep import read_sweep
 
 PARTS = Scene({}).parts
 SCENE = "plain_weave"
@@ -37,7 +37,7 @@ SCENE = "plain_weave"
     ],
 )
 def test_values_stand_between_commas(said: str, values: list[Any]) -> None:
-    assert list(swept(said, PARTS).values) == values
+    assert list(parse_value_list(said, PARTS).values) == values
 
 
 @pytest.mark.parametrize(
@@ -61,16 +61,16 @@ def test_values_stand_between_commas(said: str, values: list[Any]) -> None:
 )
 def test_each_value_is_checked(said: str, told: str) -> None:
     with pytest.raises(InputError, match=told.replace("(", r"\(")):
-        swept(said, PARTS)
+        parse_value_list(said, PARTS)
 
 
 def test_lists_are_multiplied_or_paired() -> None:
     said = ["weave.ends=2,3", "weave.picks=4,5", "weave.pattern=plain"]
     every = [
-        (run.scene().source.ends, run.scene().source.picks) for run in sweep_of(SCENE, said).runs
+        (run.scene().source.ends, run.scene().source.picks) for run in read_sweep(SCENE, said).runs
     ]
     assert every == [(2, 4), (2, 5), (3, 4), (3, 5)]
-    paired = sweep_of(SCENE, said, paired=True).runs
+    paired = read_sweep(SCENE, said, paired=True).runs
     assert [run.chosen for run in paired] == [(2, 4), (3, 5)]
     assert [run.name for run in paired] == ["ends=2_picks=4", "ends=3_picks=5"]
     for wrong, told in (
@@ -79,18 +79,18 @@ def test_lists_are_multiplied_or_paired() -> None:
         (["weave.ends=2,2"], "twice the same run"),
     ):
         with pytest.raises(InputError, match=told):
-            sweep_of(SCENE, wrong, paired=True)
+            read_sweep(SCENE, wrong, paired=True)
     with pytest.raises(InputError, match="20000 runs"):
-        sweep_of(SCENE, ["weave.ends=linspace(1,200,200)", "weave.picks=linspace(1,100,100)"])
+        read_sweep(SCENE, ["weave.ends=linspace(1,200,200)", "weave.picks=linspace(1,100,100)"])
 
 
 def test_what_no_run_may_have_is_refused_and_what_has_no_room_is_a_result(tmp_path: Path) -> None:
-    room = sweep_of(SCENE, ["weave.warp_diameter=0.25mm,0.6mm"])
+    room = read_sweep(SCENE, ["weave.warp_diameter=0.25mm,0.6mm"])
     room.check()
     assert list(room.impossible) == ["warp_diameter=0.6mm"]
     with pytest.raises(InputError, match="warp_diameter"):  # nothing would come of it at all
-        sweep_of(SCENE, ["weave.warp_diameter=0.6mm,0.7mm"]).check()
-    missing = sweep_of(SCENE, [f"weave.draft={tmp_path / 'a.wif'},{tmp_path / 'b.wif'}"])
+        read_sweep(SCENE, ["weave.warp_diameter=0.6mm,0.7mm"]).check()
+    missing = read_sweep(SCENE, [f"weave.draft={tmp_path / 'a.wif'},{tmp_path / 'b.wif'}"])
     with pytest.raises(InputError, match=r"a\.wif.*no such file"):
         missing.check()
 
@@ -101,7 +101,7 @@ def test_a_run_is_known_by_all_that_it_depends_on(tmp_path: Path) -> None:
     scene.write_text('[weave]\ndraft = "a.txt"\n')
 
     def digest(*said: str, **more: Any) -> str:
-        (run,) = sweep_of(scene, said, **more).runs
+        (run,) = read_sweep(scene, said, **more).runs
         return run.digest
 
     known = digest()

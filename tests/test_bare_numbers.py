@@ -12,8 +12,7 @@ from spacemap_vtk.app.web.parameter_rows import ParameterRows
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_solver import ModalSolver
-from spacemap_vtk.scenes.assignments import swept
-from spacemap_vtk.scenes.origin import record_of, values_of
+from spacemap_vtk.scenes.assignments import parse_value_list
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.weave.yarn import parse_yarn_count
 
@@ -43,7 +42,7 @@ def test_a_number_without_a_unit_that_is_absurd_in_si_is_refused(
     scene = Scene({})
     key = assignment.partition("=")[0]
     with pytest.raises(InputError) as refused:
-        scene.assign(*key.split("."), *swept(assignment, scene.parts).values)
+        scene.assign(*key.split("."), *parse_value_list(assignment, scene.parts).values)
     text = str(refused.value)
     assert text.startswith(key)
     assert "without a unit" in text
@@ -91,15 +90,15 @@ def test_a_record_keeps_values_that_need_their_unit() -> None:
     odd = 0.1 + 0.2  # seventeen digits
     written = {"warp_diameter": [f"{odd} m", "0.4 m"], "warp_spacing": f"{3 * odd} m"}
     scene = Scene({"weave": written})
-    again = Scene(values_of(scene))
+    again = Scene(scene_values(scene))
     assert again.source.warp_diameter == scene.source.warp_diameter == (odd, 0.4)
     assert again.source.warp_spacing == scene.source.warp_spacing
-    assert "0.4 m" in record_of(scene, {}, ()).scene.replace("400 mm", "0.4 m")
+    assert "0.4 m" in make_record(scene, {}, ()).scene.replace("400 mm", "0.4 m")
 
 
 def test_a_sweep_of_large_yarns_keeps_their_unit() -> None:
     scene = Scene({})
-    values = swept("weave.warp_diameter=linspace(200 mm, 400 mm, 3)", scene.parts).values
+    values = parse_value_list("weave.warp_diameter=linspace(200 mm, 400 mm, 3)", scene.parts).values
     for value, expected in zip(values, (0.2, 0.3, 0.4), strict=True):
         scene.assign("weave", "warp_diameter", value)
         assert scene.source.warp_diameter == expected

@@ -244,7 +244,7 @@ def test_the_folder_is_the_users(monkeypatch, tmp_path):
 
 
 def test_the_oldest_go_when_it_is_full(place, monkeypatch):
-    monkeypatch.setattr(cache, "LARGEST", 40_000)
+    monkeypatch.setattr(cache, "MAX_BYTES", 40_000)
     for number in range(6):
         cache.store(f"entry{number}", a=np.arange(1000.0))
         os.utime(place / f"entry{number}-1.npz", (number, number))
@@ -293,7 +293,7 @@ def test_a_process_that_is_ended_leaves_no_half_entry(place):
 
 def test_what_another_program_put_there_is_missing(place, monkeypatch):
     """Found by fuzzing: each was an error of numpy's, zlib's or tokenize's, or believed."""
-    monkeypatch.setattr(cache, "LARGEST", 10**6)
+    monkeypatch.setattr(cache, "MAX_BYTES", 10**6)
 
     def packed(compress=False, **arrays):
         file = io.BytesIO()
@@ -311,7 +311,7 @@ def test_what_another_program_put_there_is_missing(place, monkeypatch):
         packed(a=np.zeros((2, 2))),
         packed(a=np.array([["x"] * 3] * 2)),
         packed(b=np.zeros((2, 3))),
-        packed(compress=True, a=np.zeros((2, 3)), more=np.zeros(cache.LARGEST, np.uint8)),
+        packed(compress=True, a=np.zeros((2, 3)), more=np.zeros(cache.MAX_BYTES, np.uint8)),
     ]
     cache.store("entry", a=np.zeros((2, 3)))
     (file,) = place.iterdir()

@@ -310,7 +310,7 @@ def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
     pytest.importorskip("pytetwild")
     one = pv.Plane(i_size=1.0, j_size=1.0)
     crossed = one.merge(one.rotate_x(60).rotate_z(20))
-    shape = outline(crossed, polygons_of(crossed))
+    shape = extract_outline(crossed, polygons_of(crossed))
     low, high = shape[0].min(axis=0), shape[0].max(axis=0)
     points, triangles = envelope(low, high, partial(find_touched_cells, *shape), 0.1)
     skin = pv.PolyData.from_regular_faces(points, triangles)

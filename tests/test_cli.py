@@ -21,7 +21,7 @@ from spacemap_vtk.cli.main import COMMANDS, EXTENSIONS, main
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.algorithm import Algorithm
 from spacemap_vtk.io import registry
-from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -287,7 +287,7 @@ def test_materials_print_their_source_and_assumptions(
 def test_keys_explains_every_parameter(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("keys") == 0
     out = capsys.readouterr().out
-    for section, cls in sections().items():
+    for section, cls in section_classes().items():
         assert f"[{section}]" in out
         for name in cls.parameters:
             assert f"\n{name} " in out
@@ -304,8 +304,8 @@ def test_keys_prints_defaults_as_toml(capsys: pytest.CaptureFixture[str]) -> Non
     file = "\n".join(re.sub(r"^(\[\w+\]).*", r"\1", x) for x in lines if re.match(r"\S", x))
     values = tomllib.loads(file)
     assert values.pop("title") == "..."
-    assert list(values) == list(sections())
-    for section, cls in sections().items():
+    assert list(values) == list(section_classes())
+    for section, cls in section_classes().items():
         assert cls(**values[section]).settings == cls().settings
     assert 'Used only if method is "carved".' in " ".join(" ".join(lines).split())
 
@@ -338,8 +338,8 @@ def test_a_missing_package_is_reported_before_any_work(
     polygons = pv.read(tmp_path / "a.vtp").n_cells
     scene = Scene.read("plain_weave")
     scene.update()
-    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 80 * polygons)
+    monkeypatch.setattr("spacemap_vtk.memory.NEVER_REFUSED", 0)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 80 * polygons)
     file = tmp_path / f"b{ending}"
     with pytest.raises(SizeError, match=f"to write {polygons} polygons as {ending} would need"):
         registry.writer(file, "surface").write(file, scene.data("surface"))

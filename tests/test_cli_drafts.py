@@ -201,7 +201,7 @@ def test_a_draft_too_large_for_memory_is_drawn_and_described(
     file, copy = tmp_path / "large.wif", tmp_path / "copy.wif"
     words = ["--set", "weave.ends=240", "--set", "weave.picks=240"]
     assert run("export", "basket_2", "-o", str(file), "-q", *words) == 0
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 230_000_000)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 230_000_000)
     assert run("render", str(file), "-o", str(tmp_path / "a.png"), "--size", "200x150") == 0
     assert "a yarn is" not in capsys.readouterr().err
     message = refused(capsys, "export", str(file), "-o", str(tmp_path / "a.vtp"), "-q")

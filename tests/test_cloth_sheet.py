@@ -217,7 +217,7 @@ def test_distances_on_few_facets_are_said_to_be_rough() -> None:
 
 def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     weave = {"ends": 300, "picks": 300}
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 300_000_000)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 300_000_000)
     image, picture = drawn(weave, 120, 0.02, **MOVING)
     assert picture.sheet is not None
     assert np.ptp(image[60]) > 100

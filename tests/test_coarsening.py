@@ -59,7 +59,7 @@ def test_drape_coefficient_reports_its_dependence_on_cells():
         scene = Scene.read("drape")
         scene.set(f"cage.divisions=[{14 // divide}, {18 // divide}, 1]")
         scene.set("modal.modes=2")
-        hung = report.modes(scene)["hung"]
+        hung = report.report_modes(scene)["hung"]
         found.append(hung["drape_coefficient"])
         if divide == 1:
             error = hung["drape_coefficient_error"]

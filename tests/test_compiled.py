@@ -28,14 +28,14 @@ pytest.importorskip("numba")
 def small(monkeypatch):
     """Compiled loops for small work, too."""
     for module in (affine, interpolation, tessellation):
-        monkeypatch.setattr(module, "WORTHWHILE", 0)
+        monkeypatch.setattr(module, "MANY_POINTS", 0)
 
 
 def both(monkeypatch, module, make):
     """Two of the same: by compiled loops, and by NumPy."""
     compiled = make()
     with monkeypatch.context() as patch:
-        patch.setattr(module, "loops", lambda *_: None)
+        patch.setattr(module, "load_loops", lambda *_: None)
         return compiled, make()
 
 
@@ -242,7 +242,7 @@ def test_results_written_past_the_cache_are_the_same_to_the_bit(monkeypatch, sma
 
 def test_what_does_not_begin_at_a_line_of_the_cache_is_not_written_past_it(monkeypatch):
     monkeypatch.setattr(memory, "_STREAMED", 0)
-    line = memory.aligned(64, np.float32)
+    line = memory.allocate_aligned(64, np.float32)
     assert memory.is_streamed(line)
     assert memory.is_streamed(line, line[16:])
     assert not memory.is_streamed(line, line[1:])
@@ -268,13 +268,13 @@ def test_all_runs_without_a_compiler(without):
 {without}
 import numpy as np
 from spacemap_vtk import WeaveSource, PatchTessellator
-from spacemap_vtk.parallel import loops
-from spacemap_vtk.textile.patches.tessellation import WORTHWHILE
-assert loops("spacemap_vtk.textile.patches.patch_loops", True) is None
+from spacemap_vtk.parallel import load_loops
+from spacemap_vtk.textile.patches.tessellation import MANY_POINTS
+assert load_loops("spacemap_vtk.textile.patches.patch_loops", True) is None
 weave, surface = WeaveSource(ends=20, picks=20), PatchTessellator(subdivisions=4)
 surface.SetInputConnection(weave.GetOutputPort())
 surface.update()
-assert surface.GetOutputDataObject(0).GetNumberOfPoints() > WORTHWHILE
+assert surface.GetOutputDataObject(0).GetNumberOfPoints() > MANY_POINTS
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 
@@ -283,9 +283,9 @@ def test_no_folder_for_machine_code(tmp_path):
     """Where nothing can be kept, as of a program without a file, the loops still run."""
     program = """
 import numpy as np
-from spacemap_vtk.parallel import compiled
+from spacemap_vtk.parallel import compile_function
 
-@compiled
+@compile_function
 def total(values):
     result = 0.0
     for value in values:

@@ -202,14 +202,14 @@ def test_a_new_shape_runs_each_stage_once_and_locates_nothing_anew() -> None:
     source = woven("plain")
     crimp, warp = pipeline(source, np.diag([1.01, 0.99, 1.0]))
     surface = connect(warp, PatchTessellator(subdivisions=1)).update()
-    kept = crimp._kept, warp._kept
+    kept = crimp._kept, warp._embedding
     grid = crimp.GetInputDataObject(1, 0)
     field = 2.0 * array_of(grid.GetPointData(), "displacement", "")
     add_array(grid.GetPointData(), "displacement", field)
     grid.Modified()
     surface.update()
     assert [stage.executions for stage in (source, crimp, warp, surface)] == [1, 2, 2, 2]
-    assert (crimp._kept, warp._kept) == kept
+    assert (crimp._kept, warp._embedding) == kept
     assert not any(surface.output.GetPointData().HasArray(name) for name in (FOOT, OFFSET))
     assert surface.output.GetCellData().HasArray("yarn_strain")
     moved = points_of(source.output) + array_of(warp.output.GetPointData(), "displacement", "")

@@ -92,7 +92,7 @@ def test_list_of_ratios_round_trips_as_text(value: Any, expected: Any) -> None:
     response = ModalResponse(damping_ratio=value, alpha=0.0)
     assert response.damping == Damping(ratio=expected)
     parameter = ModalResponse.parameter("damping_ratio")
-    assert parameter.check(parameter.show(response.damping_ratio)) == expected
+    assert parameter.check(parameter.format(response.damping_ratio)) == expected
     there = property_of(parameter)
     assert parameter.check(there.read(there.write(expected))) == expected
     assert there.read(there.write(None)) is None

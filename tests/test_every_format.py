@@ -35,8 +35,8 @@ from spacemap_vtk.jobs import (
     make_data_job,
     make_job,
 )
-from spacemap_vtk.scenes.origin import scene_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import restore_scene
 
 VALUES: dict[str, Any] = {
     "title": 'Two by two, "--" (small) \\ é',
@@ -268,7 +268,7 @@ def test_every_format_is_read_by_other_programs_and_can_be_repeated(
             continue
         assert "Two by two" in read_foreign_record(tmp_path / name), name
         assert record.version == __version__
-        scene, inputs = scene_of(record, [tmp_path])
+        scene, inputs = restore_scene(record, [tmp_path])
         assert scene.title == VALUES["title"]
         assert inputs == []
         assert scene.response.loads == Scene(VALUES).response.loads

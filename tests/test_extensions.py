@@ -30,7 +30,7 @@ def write_abc(file, surface):
 """,
     "alphabet/stages.py": """
 from spacemap_vtk.datasets.arrays import add_array, points_of
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.parameters import Real
 
 class Lift(Stage):
@@ -41,7 +41,7 @@ class Lift(Stage):
     inputs = ("vtkUnstructuredGrid",)
     takes = ("cage",)
     makes = "cage"
-    provides = {"displacement": Provided("point", "m")}
+    provides = {"displacement": ProvidedArray("point", "m")}
 
     height = Real(1e-3, "How far it is lifted.", unit="m")
 
@@ -164,7 +164,7 @@ def test_the_core_runs_without_its_optional_parts(tmp_path: Path) -> None:
             place.with_suffix(".py").unlink()
 
     def spacemap(*words: str) -> tuple[int, str]:
-        code = "from spacemap_vtk import extensions; extensions.OWN.clear()"
+        code = "from spacemap_vtk import extensions; extensions.BUILT_IN.clear()"
         status, out, err = run(*words, path=[tmp_path], folder=tmp_path, code=code)
         return status, out + err
 

@@ -22,7 +22,7 @@ from spacemap_vtk.filters.patch_tessellator import MOST_SIDES
 from spacemap_vtk.scenes.level_of_detail import (
     LEAST_SIDES,
     DrawnCloth,
-    facets_seen,
+    facets_at_scale,
     quads_in_view,
 )
 from spacemap_vtk.scenes.scene import Scene
@@ -57,9 +57,9 @@ def chosen_for(scene: Scene, seen: CameraView) -> PatchTessellator:
     stage, grid = PatchTessellator(), scene.source.output
     stage.SetInputDataObject(grid)
     scale = pixels_per_metre(seen.camera, points_of(grid).astype(float), seen.size[1])
-    numbers = DrawnCloth.of(scene)
+    numbers = DrawnCloth.from_scene(scene)
     assert numbers is not None
-    choose_facets(stage, facets_seen(numbers, scale, seen.size), seen)
+    choose_facets(stage, facets_at_scale(numbers, scale, seen.size), seen)
     return stage
 
 

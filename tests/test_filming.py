@@ -91,7 +91,7 @@ def test_frames_of_another_film_are_never_used(
         filmed(output, 3)
     # A mistake does not cost the frames that are there.
     with monkeypatch.context() as little:
-        little.setattr("spacemap_vtk.memory.available", lambda: 400_000_000)
+        little.setattr("spacemap_vtk.memory.available_bytes", lambda: 400_000_000)
         with pytest.raises(SizeError, match="--workers = 5: 2 processes would need"):
             filmed(output, workers=5)
     assert filmed(output)[0] == 3

@@ -162,7 +162,7 @@ def test_errors_name_the_parameter(settings: dict[str, Any], message: str) -> No
 def test_places_round_trip_as_text(key: str) -> None:
     parameter = ModalSolver.parameter(key)
     value = parameter.check(FITTED[key])
-    assert parameter.check(parameter.show(value).strip('"')) == value
+    assert parameter.check(parameter.format(value).strip('"')) == value
     there = property_of(parameter)
     assert parameter.check(there.read(there.write(value))) == value
     assert parameter.check(there.read(there.write(()))) == ()

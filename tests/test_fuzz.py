@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from spacemap_vtk.workers import EXPENDABLE
+from spacemap_vtk.workers import WORKER_VARIABLE
 
 #: Targets that need neither VTK's readers nor a scene.
 QUICK = (".wif", ".dtx", ".wpo", ".txt", ".twa", "picture", "table", "modes")

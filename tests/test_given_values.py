@@ -10,13 +10,13 @@ import pytest
 from spacemap_vtk import ModalResponse
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.scenes.chain import sections
-from spacemap_vtk.scenes.origin import values_of
+from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import scene_values
 
 AUTOMATIC = [
     (section, name, parameter)
-    for section, cls in sections().items()
+    for section, cls in section_classes().items()
     for name, parameter in cls.parameters.items()
     if parameter.automatic
 ]
@@ -74,15 +74,15 @@ def test_given_gravity_survives_records_and_copies() -> None:
     values = {"modal": {"gravity": [0, -9.80665, 0]}, "response": {"gravity": [0, 0, "-1 g"]}}
     scene = Scene(values)
     down = (0.0, 0.0, -9.80665)
-    assert Scene(values_of(scene)).response.gravity == down
+    assert Scene(scene_values(scene)).response.gravity == down
     copy = Scene({})
-    copy.adopt(scene.settings, scene.given)
+    copy.apply_settings(scene.settings, scene.given_sections)
     assert copy.response.gravity == down
-    assert "gravity" not in values_of(Scene({"response": {}}))["response"]
+    assert "gravity" not in scene_values(Scene({"response": {}}))["response"]
 
 
 def test_a_style_that_a_scene_gives_keeps_its_background_in_a_dark_window() -> None:
     usual = Scene({}).view
-    assert usual.within(dark=True).background is not None
+    assert usual.for_window(dark=True).background is not None
     given = Scene({"view": {"style": usual.style}}).view
-    assert given.within(dark=True) is given
+    assert given.for_window(dark=True) is given

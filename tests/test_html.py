@@ -123,7 +123,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         names = page.evaluate("[...document.querySelectorAll('#clip option')].map(o => o.text)")
         assert names == [clip.name for clip in shapes.clips]
         period = page.evaluate("spacemap.end - spacemap.start")
-        assert period == pytest.approx(1.0 / shapes.about["modes"][0]["frequency_hz"])
+        assert period == pytest.approx(1.0 / shapes.metadata["modes"][0]["frequency_hz"])
         lost = "const lose = spacemap.drawing.gl.getExtension('WEBGL_lose_context')"
         before = read_canvas(page)
         page.evaluate(

@@ -47,7 +47,7 @@ OPTIONAL = {
     "smooth map": ("spacemap_vtk.embedding.smooth", "spacemap_vtk.embedding.worsey_farin"),
     "decks of other solvers": (
         "spacemap_vtk.io.formats.abaqus",
-        "spacemap_vtk.scenes.for_solvers",
+        "spacemap_vtk.scenes.input_deck",
     ),
     "USD": ("spacemap_vtk.io.formats.usd",),
     "weaving programs": (

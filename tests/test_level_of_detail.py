@@ -9,11 +9,11 @@ import pytest
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.level_of_detail import (
     LEAST_SIDES,
+    DrawingMethod,
     DrawnCloth,
-    Form,
     LevelOfDetail,
-    choose_form,
     choose_level,
+    choose_method,
     choose_near,
     quads_in_view,
 )
@@ -21,63 +21,63 @@ from spacemap_vtk.scenes.scene import Scene
 
 SIZE = 640, 480
 #: 400 by 400 yarns, half a millimetre apart.
-CLOTH = DrawnCloth(400, 400, 3_840_000, spacing=5e-4, height=2.5e-4, width=4e-4, shadable=True)
+CLOTH = DrawnCloth(400, 400, 3_840_000, spacing=5e-4, height=2.5e-4, width=4e-4, suits_shader=True)
 FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
 
 
 @pytest.mark.parametrize(
     ("cloth", "said", "form"),
     [
-        (FEW, {}, Form.WHOLE),
-        (FEW, {"fit": False}, Form.SHEET),
-        (CLOTH, {}, Form.SHEET),
+        (FEW, {}, DrawingMethod.WHOLE),
+        (FEW, {"fit": False}, DrawingMethod.SHEET),
+        (CLOTH, {}, DrawingMethod.SHEET),
         # The window draws fewer together.
-        (replace(CLOTH, patches=60_000), {"window": True}, Form.WHOLE),
-        (replace(CLOTH, patches=60_001), {"window": True}, Form.SHEET),
-        (replace(CLOTH, patches=60_001), {}, Form.WHOLE),
+        (replace(CLOTH, patches=60_000), {"window": True}, DrawingMethod.WHOLE),
+        (replace(CLOTH, patches=60_001), {"window": True}, DrawingMethod.SHEET),
+        (replace(CLOTH, patches=60_001), {}, DrawingMethod.WHOLE),
         # The face of a still cloth: yarns too thin to be seen, of some pixels, and wider.
-        (FEW, {"face": 1.9}, Form.SHEET),
-        (FEW, {"face": 1.9, "opengl": False}, Form.WHOLE),
-        (FEW, {"face": 4.0}, Form.WHOLE),
-        (CLOTH, {"face": 1.9}, Form.SHEET),
-        (CLOTH, {"face": 2.0}, Form.SHADER),
-        (CLOTH, {"face": 8.0}, Form.SHEET),
-        (CLOTH, {"face": 4.0, "shader": False}, Form.SHEET),
-        (replace(CLOTH, shadable=False), {"face": 4.0}, Form.SHEET),
+        (FEW, {"face": 1.9}, DrawingMethod.SHEET),
+        (FEW, {"face": 1.9, "opengl": False}, DrawingMethod.WHOLE),
+        (FEW, {"face": 4.0}, DrawingMethod.WHOLE),
+        (CLOTH, {"face": 1.9}, DrawingMethod.SHEET),
+        (CLOTH, {"face": 2.0}, DrawingMethod.SHADER),
+        (CLOTH, {"face": 8.0}, DrawingMethod.SHEET),
+        (CLOTH, {"face": 4.0, "shader": False}, DrawingMethod.SHEET),
+        (replace(CLOTH, suits_shader=False), {"face": 4.0}, DrawingMethod.SHEET),
         # Whoever asks for so many quadrilaterals gets them: in pieces, or refused.
-        (replace(CLOTH, subdivisions=2), {}, Form.WHOLE),
-        (replace(CLOTH, subdivisions=2), {"fit": False}, Form.SHEET),
-        (replace(CLOTH, subdivisions=64), {"fit": False}, Form.WHOLE),
-        (replace(FEW, subdivisions=1), {"face": 1.9}, Form.WHOLE),
+        (replace(CLOTH, subdivisions=2), {}, DrawingMethod.WHOLE),
+        (replace(CLOTH, subdivisions=2), {"fit": False}, DrawingMethod.SHEET),
+        (replace(CLOTH, subdivisions=64), {"fit": False}, DrawingMethod.WHOLE),
+        (replace(FEW, subdivisions=1), {"face": 1.9}, DrawingMethod.WHOLE),
     ],
 )
 def test_the_form_follows_from_numbers(
-    cloth: DrawnCloth, said: dict[str, bool], form: Form
+    cloth: DrawnCloth, said: dict[str, bool], form: DrawingMethod
 ) -> None:
-    assert choose_form(cloth, **said) is form
+    assert choose_method(cloth, **said) is form
 
 
 @pytest.mark.parametrize(
     ("cloth", "pixels", "form"),
     [
-        (CLOTH, 1.9, Form.SHEET),
-        (CLOTH, 2.0, Form.PIECES),
-        (replace(CLOTH, subdivisions=2), 1.9, Form.PIECES),
-        (replace(CLOTH, clearance=True), 5.0, Form.TILES),
+        (CLOTH, 1.9, DrawingMethod.SHEET),
+        (CLOTH, 2.0, DrawingMethod.PIECES),
+        (replace(CLOTH, subdivisions=2), 1.9, DrawingMethod.PIECES),
+        (replace(CLOTH, clearance=True), 5.0, DrawingMethod.TILES),
     ],
 )
 def test_yarns_that_are_seen_take_the_place_of_the_sheet(
-    cloth: DrawnCloth, pixels: float, form: Form
+    cloth: DrawnCloth, pixels: float, form: DrawingMethod
 ) -> None:
-    level = LevelOfDetail(Form.SHEET).at_scale(cloth, pixels / cloth.spacing, SIZE)
-    assert level.form is form
+    level = LevelOfDetail(DrawingMethod.SHEET).at_scale(cloth, pixels / cloth.spacing, SIZE)
+    assert level.method is form
     assert level.is_sampled is (pixels < 4.0)
-    if form is not Form.SHEET:
+    if form is not DrawingMethod.SHEET:
         # No piece has more patches or quadrilaterals than are drawn in some hundred megabytes.
         assert cloth.patches / level.pieces <= 300_000
         assert cloth.patches * (cloth.subdivisions or level.sides) ** 2 / level.pieces <= 800_000
-    for other in (Form.WHOLE, Form.SHADER):
-        assert LevelOfDetail(other).at_scale(cloth, 1e4, SIZE).form is other
+    for other in (DrawingMethod.WHOLE, DrawingMethod.SHADER):
+        assert LevelOfDetail(other).at_scale(cloth, 1e4, SIZE).method is other
 
 
 def test_facets_follow_the_width_of_a_yarn() -> None:
@@ -96,9 +96,9 @@ def test_facets_follow_the_width_of_a_yarn() -> None:
 
 def test_the_window_makes_what_is_in_view_unless_it_is_thin_or_too_much() -> None:
     scale = 10 / CLOTH.spacing
-    assert choose_near(CLOTH, scale, 10_000, SIZE).form is Form.NEAR
-    assert choose_near(CLOTH, 2.9 / CLOTH.spacing, 10_000, SIZE).form is Form.SHEET
-    assert choose_near(CLOTH, scale, 2_000_000, SIZE).form is Form.SHEET
+    assert choose_near(CLOTH, scale, 10_000, SIZE).method is DrawingMethod.NEAR
+    assert choose_near(CLOTH, 2.9 / CLOTH.spacing, 10_000, SIZE).method is DrawingMethod.SHEET
+    assert choose_near(CLOTH, scale, 2_000_000, SIZE).method is DrawingMethod.SHEET
     many, few = (choose_near(CLOTH, 10 * scale, n, SIZE) for n in (1_000_000, 10_000))
     assert 1_000_000 * many.sides**2 <= 2_000_000
     assert few.sides > many.sides
@@ -107,15 +107,15 @@ def test_the_window_makes_what_is_in_view_unless_it_is_thin_or_too_much() -> Non
 def test_what_is_no_cloth_is_drawn_whole() -> None:
     scene = Scene.read(library.find("tube_bundle"))
     assert not scene.woven
-    assert DrawnCloth.of(scene) is None
-    assert choose_level(scene).form is Form.WHOLE
+    assert DrawnCloth.from_scene(scene) is None
+    assert choose_level(scene).method is DrawingMethod.WHOLE
     # Yarns without room: the stage says so when it runs.
     jammed = Scene({"weave": {"warp_diameter": 1e-3, "weft_diameter": 1e-3}})
-    assert DrawnCloth.of(jammed) is None
-    assert choose_level(jammed).form is Form.WHOLE
+    assert DrawnCloth.from_scene(jammed) is None
+    assert choose_level(jammed).method is DrawingMethod.WHOLE
 
 
 def test_a_cloth_of_one_end_has_no_distances_to_compare() -> None:
-    single = DrawnCloth.of(Scene({"weave": {"ends": 1, "picks": 1}}))
+    single = DrawnCloth.from_scene(Scene({"weave": {"ends": 1, "picks": 1}}))
     assert single is not None
-    assert single.shadable
+    assert single.suits_shader

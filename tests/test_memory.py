@@ -16,7 +16,7 @@ import pytest
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import SizeError
-from spacemap_vtk.memory import available, left_in_group, require
+from spacemap_vtk.memory import available_bytes, available_in_cgroups, require_memory
 from spacemap_vtk.scenes.scene import Scene
 
 GIB = 2**30
@@ -43,18 +43,18 @@ def test_the_tightest_group_above_a_process_counts(tmp_path: Path) -> None:
     # What the kernel can take back from files is no use of memory.
     tree(tmp_path, group("a/b", "max", 10))
     tree(tmp_path, group("a", str(4 * GIB), 3 * GIB, of_files=GIB))
-    assert left_in_group(processes, tmp_path) == 2 * GIB
+    assert available_in_cgroups(processes, tmp_path) == 2 * GIB
     tree(tmp_path, group("a/b", str(GIB), 2 * GIB))
-    assert left_in_group(processes, tmp_path) == 0
-    assert left_in_group(tmp_path / "no such file", tmp_path) is None
+    assert available_in_cgroups(processes, tmp_path) == 0
+    assert available_in_cgroups(tmp_path / "no such file", tmp_path) is None
 
 
 def test_a_container_that_sees_its_group_as_the_root(tmp_path: Path) -> None:
     processes = tmp_path / "cgroup"
     processes.write_text("0::/system/container/abc\n")
-    assert left_in_group(processes, tmp_path) is None
+    assert available_in_cgroups(processes, tmp_path) is None
     tree(tmp_path, group(".", str(4 * GIB), GIB))
-    assert left_in_group(processes, tmp_path) == 3 * GIB
+    assert available_in_cgroups(processes, tmp_path) == 3 * GIB
 
 
 def test_groups_of_version_1(tmp_path: Path) -> None:
@@ -68,25 +68,25 @@ def test_groups_of_version_1(tmp_path: Path) -> None:
             "memory.stat": f"total_rss 5\ntotal_inactive_file {GIB}\ntotal_active_file 0\n",
         },
     )
-    assert left_in_group(processes, tmp_path) == 2 * GIB
+    assert available_in_cgroups(processes, tmp_path) == 2 * GIB
 
 
 def test_the_machines_own_is_what_psutil_says() -> None:
     machine = psutil.virtual_memory()
-    found = available()
+    found = available_bytes()
     assert found is not None
     # others take and give back meanwhile; in a container it may be less
     assert 0 < found < machine.available + machine.total // 4
-    if left_in_group() is None or left_in_group() > machine.total:
+    if available_in_cgroups() is None or available_in_cgroups() > machine.total:
         assert found > machine.available - machine.total // 4
 
 
 def test_a_cure_may_tell_what_would_fit() -> None:
-    free = available()
+    free = available_bytes()
     assert free is not None
-    require(free // 2, "half of it")
+    require_memory(free // 2, "half of it")
     with pytest.raises(SizeError, match=r"all of it would need .* GiB .* now free\. Take [1-9]"):
-        require(4 * free, "all of it", cure=lambda left: f"Take {left}")
+        require_memory(4 * free, "all of it", cure=lambda left: f"Take {left}")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from PIL import Image
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
+from spacemap_vtk.scenes.motions import MOTIONS, require_loads, set_motion
 from spacemap_vtk.scenes.scene import Scene
 
 CAGE = {
@@ -36,9 +36,9 @@ def moved(scene: Scene, time: float = 0.012) -> Any:
 @pytest.mark.parametrize("begin", ["response", "transient"])
 def test_it_is_what_a_scene_file_would_say(begin: str) -> None:
     scene = Scene({**CAGE, begin: SHARED})
-    given = loaded_cage(scene)
+    given = require_loads(scene)
     for name, (sections, _) in [*MOTIONS.items(), *reversed(MOTIONS.items())]:
-        take_motion(scene, name, given)
+        set_motion(scene, name, given)
         written = Scene({**CAGE, sections[0]: SHARED, **{key: {} for key in sections[1:]}})
         assert [stage.section for stage in scene.stages] == [s.section for s in written.stages]
         np.testing.assert_array_equal(moved(scene), moved(written))
@@ -47,16 +47,16 @@ def test_it_is_what_a_scene_file_would_say(begin: str) -> None:
 
 def test_damping_ratios_carry_over() -> None:
     scene = Scene({**CAGE, "response": {"damping_ratio": [0.04, 0.1]}})
-    take_motion(scene, "transient", loaded_cage(scene))
+    set_motion(scene, "transient", require_loads(scene))
     scene.update(time=0.001)
-    modes = report.modes(scene)["modes"]
+    modes = report.report_modes(scene)["modes"]
     assert modes[0]["damping_ratio"] == pytest.approx(0.04)
     assert modes[-1]["damping_ratio"] == pytest.approx(0.1)
 
 
 def test_what_does_not_carry_over_is_told() -> None:
     scene = Scene({**CAGE, "transient": {"held": "-y"}})
-    take_motion(scene, "response", loaded_cage(scene))
+    set_motion(scene, "response", require_loads(scene))
     assert any("[transient] holds" in text for text in scene.warnings)
 
 

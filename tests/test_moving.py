@@ -76,8 +76,8 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     times, tolerance = np.linspace(0.0, 0.06, 13).tolist(), 2e-7
     made = make_moving_surface(scene, times, tolerance, lambda done, of: None, sides=2)
     assert 2 <= len(made.targets) < 12
-    assert (made.short is not None) == short
-    assert made.about["largest_error"] <= tolerance
+    assert (made.quantised is not None) == short
+    assert made.metadata["largest_error"] <= tolerance
     writer(file).write(file, made)
     step, places = 1.0 / scene.animation.speed, (0, 3, 8, 12)
     told = played(file, [times[k] * step for k in places])
@@ -112,7 +112,7 @@ def test_a_surface_with_many_points_is_made_of_less_and_says_so(
     assert re.match(r"8 targets of \d+ points make up to 0 MB; with fewer --sub", said[2])
     assert len(made.targets) == 8
     # How far it is off is told, and is no more.
-    assert 0.0 < made.about["largest_error"] <= made.tolerance < 1e-6
+    assert 0.0 < made.metadata["largest_error"] <= made.tolerance < 1e-6
     scene = changed("plain_weave", *SMALL)
     asked = make_moving_surface(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
     assert len(asked.triangles) > 8 * len(made.triangles)  # of 9, without caps
@@ -138,7 +138,7 @@ def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
     told = played(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
     solver = scene.stage("solver")
     assert solver is not None
-    cage = copied(solver.output)
+    cage = shallow_copy(solver.output)
     frequencies = array_of(cage.GetFieldData(), "frequencies", "")
     assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies, 1)]
     for found, share in zip(told["played"], (0.0, 0.1), strict=True):
@@ -220,7 +220,7 @@ def test_a_cloth_that_is_too_large_is_refused_before_it_is_made(
 ) -> None:
     scene, most = Scene({"weave": {"ends": 120, "picks": 120}}), 2**32
     if limit == "memory":
-        monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 500_000_000)
+        monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 500_000_000)
     else:
         most = 2**27
     with pytest.raises(SizeError, match=r"million points.*memory|points do not fit into a file"):

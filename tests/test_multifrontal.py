@@ -121,8 +121,8 @@ def test_too_large_factors_are_refused_first(monkeypatch):
 
     K, _, vertices = pencil((4, 4, 4))
     analysis = Analysis(K, vertices)
-    monkeypatch.setattr(memory, "SMALL", 0)
-    monkeypatch.setattr(memory, "available", lambda: 1000)
+    monkeypatch.setattr(memory, "NEVER_REFUSED", 0)
+    monkeypatch.setattr(memory, "available_bytes", lambda: 1000)
     with pytest.raises(SizeError, match="factorising 300 degrees"):
         Cholesky(K, analysis)
     assert multifrontal.require is memory.require

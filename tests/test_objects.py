@@ -21,9 +21,9 @@ from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.io.texture_atlas import read_picture
-from spacemap_vtk.scenes.origin import values_of
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.workers import EXPENDABLE
+from spacemap_vtk.scenes.scene_record import scene_values
+from spacemap_vtk.workers import WORKER_VARIABLE
 
 
 def ball() -> pv.PolyData:
@@ -91,7 +91,7 @@ def test_a_scene_is_read_without_a_plotter(
 ) -> None:
     """A plotter needs OpenGL: where its libraries are missing, to open one crashes."""
     monkeypatch.delattr(pv, "Plotter")
-    monkeypatch.setenv(EXPENDABLE, "1")  # read here, in no other process
+    monkeypatch.setenv(WORKER_VARIABLE, "1")  # read here, in no other process
     (tmp_path / f"a.{ending}").write_bytes(content)
     found = read(tmp_path / f"a.{ending}")
     np.testing.assert_array_equal(found.points, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
@@ -440,10 +440,10 @@ def test_what_nobody_says_suits_an_object_of_any_size(tmp_path: Path, scale: flo
             }
         )
         scene.update(time=0.0)
-        assert scene.object.in_use == {"up": up}
-        assert sorted(scene.cage.in_use["divisions"]) == [4, 6, 8]
-        assert scene.modal.in_use["fixed"] == (f"-{up}",)
-        down = scene.response.in_use["gravity"]["xyz".index(up)]
+        assert scene.object.automatic_values == {"up": up}
+        assert sorted(scene.cage.automatic_values["divisions"]) == [4, 6, 8]
+        assert scene.modal.automatic_values["fixed"] == (f"-{up}",)
+        down = scene.response.automatic_values["gravity"]["xyz".index(up)]
         assert down == -9.80665
         assert camera_of(scene) == ("lying" if up == "z" else "three-quarter")
         frequency = scene.modal.output.GetFieldData().GetArray("frequencies").GetValue(0)
@@ -459,5 +459,5 @@ def test_what_nobody_says_suits_an_object_of_any_size(tmp_path: Path, scale: flo
     # What is said goes before, the cloth's own default too, and comes back from a record.
     scene = Scene({"object": {"file": str(tmp_path / "z.stl")}, "cage": {"divisions": [5, 5, 1]}})
     assert scene.cage.divisions == (5, 5, 1)
-    assert values_of(scene)["cage"] == {"divisions": [5, 5, 1]}
+    assert scene_values(scene)["cage"] == {"divisions": [5, 5, 1]}
     assert Scene({"weave": {}, "cage": {}}).modal.fixed == ("+y",)

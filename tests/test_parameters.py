@@ -123,7 +123,7 @@ def test_a_word_makes_a_value_automatic(word: str) -> None:
     assert (thing.maybe, thing.file) == (None, None)
     for name in ("maybe", "file"):
         parameter = Thing.parameters[name]
-        assert parameter.show(None) == f"auto ({parameter.automatic})"
+        assert parameter.format(None) == f"auto ({parameter.automatic})"
         assert parameter.allowed.endswith(', or "auto"')
     # A file of that name can be meant all the same.
     thing.file = "./auto"
@@ -142,7 +142,7 @@ def test_every_automatic_parameter_takes_the_word() -> None:
     assert len(found) > 20
     for parameter in found:
         assert parameter.check("auto") is None
-        assert parameter.usual(of_object=True) is None
+        assert parameter.default_for(of_object=True) is None
     # Of cloth these are as ever: the paper's.
     own = {p.name for p in found if p.default is not None}
     assert own == {"divisions", "fixed", "youngs_modulus"}
@@ -183,7 +183,7 @@ def test_a_class_has_the_parameters_of_its_groups_in_their_order() -> None:
     assert list(Both.parameters) == [*Thing.parameters, "x", "near", "last"]
     assert list(inspect.signature(Both).parameters) == list(Both.parameters)
     both = Both(x="2 mm", count=4)
-    assert (both.x, both.count, both.given) == (0.002, 4, {"count": 4, "x": 0.002})
+    assert (both.x, both.count, both.given_values) == (0.002, 4, {"count": 4, "x": 0.002})
     assert list(Thing.parameters) == [n for n in Both.parameters if n not in ("x", "near", "last")]
 
 
@@ -274,12 +274,12 @@ def test_a_parameter_says_when_it_counts() -> None:
     assert 'Used only if kind is "box".' in (Thing.__doc__ or "")
     assert 'Used only if kind is "box".' in (Thing.edge.__doc__ or "")
     thing = Thing()
-    assert (thing.idle("kind"), thing.idle("edge"), thing.idle("turn")) == ("", "", "")
-    assert thing.idle("about") == "turn is auto"
+    assert (thing.disabled_by("kind"), thing.disabled_by("edge"), thing.disabled_by("turn")) == ("", "", "")
+    assert thing.disabled_by("about") == "turn is auto"
     thing.configure(turn=2.0, kind="file", slow=False)
-    assert thing.idle("edge") == 'kind is "file"'
-    assert thing.idle("about") == ""
-    assert thing.idle("speed") == "turn is 2"
+    assert thing.disabled_by("edge") == 'kind is "file"'
+    assert thing.disabled_by("about") == ""
+    assert thing.disabled_by("speed") == "turn is 2"
 
 
 @pytest.mark.parametrize("cls", FILTERS)

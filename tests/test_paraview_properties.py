@@ -234,7 +234,7 @@ def test_the_panel_shows_the_properties_in_use(name: str) -> None:
                     for d in element.iter("PropertyWidgetDecorator")
                 ]
                 if other in stage.parameters:
-                    assert all(matches) == (made.idle(other) == ""), (key, value, other)
+                    assert all(matches) == (made.disabled_by(other) == ""), (key, value, other)
 
 
 def test_groups_are_declared_or_share_their_first_word() -> None:

@@ -208,8 +208,8 @@ def test_a_cage_out_of_another_reader_is_asked_for_whole(tmp_path: Path) -> None
 
 
 def test_a_cloth_too_large_for_one_may_be_made_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 10_000_000)
+    monkeypatch.setattr("spacemap_vtk.memory.NEVER_REFUSED", 0)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 10_000_000)
     weave = WeaveSource(ends=50, picks=50)
     with pytest.raises(SizeError):
         weave.update()

@@ -154,7 +154,7 @@ def the_gust(scene: Scene) -> None:
 
 
 def a_twill_of_counted_yarns(scene: Scene) -> None:
-    figures = report.fabric(scene)
+    figures = report.report_fabric(scene)
     assert figures["warp"]["tex"] == pytest.approx(30)
     assert figures["weft"]["tex"] == pytest.approx(30)
     assert figures["repeat"] == [4, 4]
@@ -170,7 +170,7 @@ def a_twill_of_counted_yarns(scene: Scene) -> None:
 
 def a_satin(shafts: int, step: int) -> Callable[[Scene], None]:
     def check(scene: Scene) -> None:
-        figures = report.fabric(scene)
+        figures = report.report_fabric(scene)
         assert figures["repeat"] == [shafts, shafts]
         assert figures["warp"]["longest_float"] == shafts - 1
         # one binding point in each pick of a repeat, `step` ends further with each pick
@@ -183,7 +183,7 @@ def a_satin(shafts: int, step: int) -> Callable[[Scene], None]:
 
 
 def a_basket(scene: Scene) -> None:
-    figures = report.fabric(scene)
+    figures = report.report_fabric(scene)
     assert figures["drawdown"][0].startswith("1100")
     # a yarn changes side at every other crossing: half of Peirce's crimp, but for the edge
     gaps = figures["picks"] - 1
@@ -203,11 +203,11 @@ def a_tartan(scene: Scene) -> None:
     np.testing.assert_array_equal(cloth.warp.colors[0], cloth.warp.colors[14])
     thick = np.flatnonzero(np.asarray(cloth.warp.diameter) > 0.3e-3)
     np.testing.assert_array_equal(thick, [13, 27, 41, 55])
-    assert abs(report.fabric(scene)["least_clearance"]["distance"]) < 1e-15
+    assert abs(report.report_fabric(scene)["least_clearance"]["distance"]) < 1e-15
 
 
 def a_real_draft(scene: Scene) -> None:
-    figures = report.fabric(scene)
+    figures = report.report_fabric(scene)
     assert (figures["ends"], figures["picks"]) == (62, 62)
     assert figures["warp"]["section"] == "racetrack"
     assert figures["cover"] == pytest.approx(1 - 0.1**2)  # both 90 % covered

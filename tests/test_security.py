@@ -24,7 +24,8 @@ from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.jobs.frames import FrameFolder
 from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.vanishing import vanishing_folder
+from spacemap_vtk.scenes.scene_record import describe_outside_files
+from spacemap_vtk.temporary_files import temporary_folder
 
 #: Modules that may unpickle data, which come through a pipe from their own child process.
 PIPES = {"workers"}
@@ -124,8 +125,8 @@ def test_a_file_outside_the_scenes_folder_is_reported(home, name, far, capsys):
         assert reported[0] in capsys.readouterr().err
     # Files named on the command line are chosen by the user.
     scene.set(f"weave.draft={home.parent / 'other/far.wif'}")
-    assert list(elsewhere(scene)) == []
-    assert list(elsewhere(Scene({"weave": {"draft": home.parent / "other/far.wif"}}))) == []
+    assert list(describe_outside_files(scene)) == []
+    assert list(describe_outside_files(Scene({"weave": {"draft": home.parent / "other/far.wif"}}))) == []
 
 
 _XML = '<?xml version="1.0"?><VTKFile>{}</VTKFile>'
@@ -191,7 +192,7 @@ def test_links_in_hdf5_files_are_found(home):
 @pytest.mark.parametrize("word", ["//host/share/a.wif", r"\\host\share\a.wif", r"\\?\UNC\h\s\a"])
 def test_paths_on_other_machines_are_refused(tmp_path, word):
     with pytest.raises(InputError, match="it is on another machine"):
-        WeaveSource.parameters["draft"].within(word, tmp_path)
+        WeaveSource.parameters["draft"].resolve_path(word, tmp_path)
 
 
 def test_links_in_a_scenes_folder_write_nothing_elsewhere(home):
@@ -205,7 +206,7 @@ def test_links_in_a_scenes_folder_write_nothing_elsewhere(home):
     (home / "film.gif.frames").mkdir()
     (home / "film.gif.frames/of.txt").symlink_to(other / "far.wif")
     before = {path.name: path.read_bytes() for path in other.iterdir()}
-    with vanishing_folder(home):
+    with temporary_folder(home):
         pass
     with (
         pytest.raises(InputError, match="leads elsewhere"),
@@ -255,7 +256,7 @@ def test_a_scene_that_would_take_hours_to_parse_is_refused(tmp_path, text, repor
 
 def test_a_module_in_the_folder_of_a_scene_is_not_run(tmp_path):
     (tmp_path / "pickle.py").write_text('open("ran", "w")\n')
-    child = workers.start("math:sqrt", os.environ, cwd=tmp_path)
-    assert workers.ask(child, 4.0)[0] == 2.0
-    workers.end(child)
+    child = workers.start_worker("math:sqrt", os.environ, cwd=tmp_path)
+    assert workers.run_task(child, 4.0)[0] == 2.0
+    workers.end_worker(child)
     assert not (tmp_path / "ran").exists()

@@ -69,7 +69,7 @@ def test_a_written_cage_series_moves_another_scene(scene: Scene, tmp_path: Path,
     motion = MotionReader(file=file)
     assert motion.time_steps([]) == TIMES
     for time in TIMES:
-        found, expected = motion.update(time).output, scene.deforming.update(time).output
+        found, expected = motion.update(time).output, scene.cage_stage.update(time).output
         np.testing.assert_allclose(
             *(array_of(data.GetPointData(), "displacement", "") for data in (found, expected)),
             atol=1e-15,
@@ -85,7 +85,7 @@ def test_constant_data_are_stored_once(scene: Scene, tmp_path: Path) -> None:
         assert reader.GetOutputInformation(0).Get(TIME_STEPS) == tuple(TIMES)
         for time in (*TIMES, TIMES[0]):
             reader.UpdateTimeStep(time)
-            scene.update_stage(scene.deforming if what == "cage" else scene.stages[-1], time)
+            scene.update_stage(scene.cage_stage if what == "cage" else scene.stages[-1], time)
             found, expected = reader.GetOutputDataObject(0), scene.data(what)
             np.testing.assert_array_equal(points_of(found), points_of(expected))
             for number in range(found.GetNumberOfCells()):

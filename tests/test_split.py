@@ -13,7 +13,7 @@ import spacemap_vtk.accessor  # noqa: F401
 from spacemap_vtk.cage import split
 from spacemap_vtk.cage.split_quadratic import HEXAHEDRON, PYRAMID, TETRAHEDRON, WEDGE
 from spacemap_vtk.datasets.arrays import tetrahedra_of
-from spacemap_vtk.datasets.volume import tetrahedral
+from spacemap_vtk.datasets.volume import split_into_tetrahedra
 from spacemap_vtk.errors import GeometryError, InputError
 
 
@@ -55,7 +55,7 @@ def box_of(kind: str) -> pv.UnstructuredGrid:
 @pytest.mark.parametrize("kind", ["voxel", "hexahedron", "wedge", "pyramid"])
 def test_split_cells_conform_and_fill_the_box(kind: str, seed: int) -> None:
     grid = scrambled(box_of(kind), seed)
-    volume = tetrahedral(grid, "it")
+    volume = split_into_tetrahedra(grid, "it")
     made = pv.wrap(volume.grid)
     np.testing.assert_array_equal(made.points, grid.points)  # numbers are kept
     tetrahedra = tetrahedra_of(made)
@@ -110,9 +110,9 @@ def mixed_box() -> pv.UnstructuredGrid:
 def test_quadratic_cells_are_split_at_their_middles(kind: str, seed: int) -> None:
     linear = mixed_box() if kind == "mixed" else box_of(kind) if kind != "tetrahedron" else None
     if linear is None:
-        linear = pv.wrap(tetrahedral(box_of("hexahedron"), "it").grid)
+        linear = pv.wrap(split_into_tetrahedra(box_of("hexahedron"), "it").grid)
     grid = scrambled(with_middles(linear), seed)
-    volume = tetrahedral(grid, "it")
+    volume = split_into_tetrahedra(grid, "it")
     made = pv.wrap(volume.grid)
     np.testing.assert_array_equal(made.points, grid.points)  # all of them, by their numbers
     tetrahedra = tetrahedra_of(made)
@@ -140,7 +140,7 @@ def test_vtk_numbers_the_middles_so(shape: str) -> None:
 
 def test_a_hexahedron_of_27_nodes_becomes_eight() -> None:
     grid = pv.examples.cells.TriQuadraticHexahedron()
-    made = pv.wrap(tetrahedral(grid, "it").grid)
+    made = pv.wrap(split_into_tetrahedra(grid, "it").grid)
     np.testing.assert_array_equal(made.points, grid.points)
     assert made.n_cells == 48
     assert check_mesh(made.points, tetrahedra_of(made)) == pytest.approx(1.0, rel=1e-12)
@@ -161,7 +161,7 @@ def test_beside_linear_cells_the_corners_are_used() -> None:
     quadratic = pv.examples.cells.QuadraticHexahedron()
     grid = quadratic.merge(pv.examples.cells.Hexahedron().translate((5, 0, 0)))
     grid["number"] = np.arange(28)
-    volume = tetrahedral(grid, "it")
+    volume = split_into_tetrahedra(grid, "it")
     made = pv.wrap(volume.grid)
     assert (made.n_points, made.n_cells) == (16, 12)
     np.testing.assert_array_equal(made["number"], made["original_point"])
@@ -187,7 +187,7 @@ def test_inverted_and_flat_tetrahedra_are_mended_and_told() -> None:
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [1, 1, 1.0]])
     cells = np.array([[0, 1, 2, 3], [1, 2, 3, 5], [0, 1, 2, 4], [0, 1, 1, 3]])
     cells[1] = cells[1][[1, 0, 2, 3]]
-    volume = tetrahedral(pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points), "it")
+    volume = split_into_tetrahedra(pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points), "it")
     assert volume.grid.GetNumberOfCells() == 2
     assert volume.notes == [
         "it: 1 inverted tetrahedra were turned",
@@ -195,16 +195,16 @@ def test_inverted_and_flat_tetrahedra_are_mended_and_told() -> None:
         "it: 1 points of no tetrahedron were left out",
     ]
     with pytest.raises(GeometryError, match="all 1 tetrahedra are flat"):
-        tetrahedral(pv.UnstructuredGrid({pv.CellType.TETRA: cells[2:3]}, points), "it")
+        split_into_tetrahedra(pv.UnstructuredGrid({pv.CellType.TETRA: cells[2:3]}, points), "it")
     triangle = pv.UnstructuredGrid({pv.CellType.TRIANGLE: cells[:1, :3]}, points)
     with pytest.raises(GeometryError, match="no cells with a volume"):
-        tetrahedral(triangle, "it")
+        split_into_tetrahedra(triangle, "it")
     polyhedron = pv.examples.cells.Polyhedron()
     with pytest.raises(GeometryError, match=r"types \[42\]"):
-        tetrahedral(polyhedron, "it")
+        split_into_tetrahedra(polyhedron, "it")
     points[3] = np.nan
     with pytest.raises(GeometryError, match="point 3 is not finite"):
-        tetrahedral(pv.UnstructuredGrid({pv.CellType.TETRA: cells[:1]}, points), "it")
+        split_into_tetrahedra(pv.UnstructuredGrid({pv.CellType.TETRA: cells[:1]}, points), "it")
 
 
 def test_orientation_of_every_split() -> None:

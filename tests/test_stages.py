@@ -20,11 +20,11 @@ from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of, to
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters import crimp_interchange
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
-from spacemap_vtk.filters.base import ROLES, Provided, Stage
+from spacemap_vtk.filters.base import ROLES, ProvidedArray, Stage
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.parameters import Real
-from spacemap_vtk.scenes.chain import sections, switched
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.pipeline import section_classes, switch_section
 from spacemap_vtk.scenes.scene import Scene
 
 SMALL = {"weave": {"ends": 2, "picks": 2}, "surface": {"subdivisions": 1}}
@@ -59,7 +59,7 @@ class Shear(Stage):
     inputs = ("vtkUnstructuredGrid",)
     takes = ("cage",)
     makes = "cage"
-    provides: ClassVar = {"displacement": Provided("point", "m")}
+    provides: ClassVar = {"displacement": ProvidedArray("point", "m")}
 
     rate = Real(0.5, "How fast it shears.", unit="1/s", minimum=0.0)
 
@@ -238,7 +238,7 @@ def test_stages_added_in_one_place_are_shown_by_paraview() -> None:
 def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
     scene = Scene({**SMALL, "shear": {"rate": 2.0}})
     scene.update(time=0.1)
-    motion = scene.deforming.motion
+    motion = scene.cage_stage.motion
     assert isinstance(motion, Motion)
     curves = run_through(compute_curves(scene, CurveRequest("a", ((0.0, 1e-4, 0.0),), 0.0, 1.0)))
     assert curves is not None
@@ -252,7 +252,7 @@ def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
     assert abs(curves.points[0, 1]) == abs(motion.points[:, 1]).max()
     swing = Scene({**SMALL, "response": {}})
     swing.update(time=0.1)
-    assert isinstance(swing.deforming.motion, Motion)
+    assert isinstance(swing.cage_stage.motion, Motion)
 
 
 @pytest.mark.usefixtures("toys")
@@ -301,8 +301,8 @@ def test_a_stage_can_have_a_role_of_its_own() -> None:
     scene.update(time=0.5)
     assert [stage.executions for stage in scene.stages] == [1, 1, 1, 1, 2, 2, 2, 2, 2, 2]
     given = {"weave", "shear", "first"}
-    assert switched(scene.parts, given, "shear", False) == {"weave", "first"}
-    assert switched(scene.parts, given, "first", False) == {"weave", "shear"}
+    assert switch_section(scene.parts, given, "shear", False) == {"weave", "first"}
+    assert switch_section(scene.parts, given, "first", False) == {"weave", "shear"}
 
 
 @pytest.mark.usefixtures("toys")
@@ -341,7 +341,7 @@ def test_what_yarns_resist_is_said_once_for_the_cage_too() -> None:
     scene.set("yarns.bending=3 mN.mm2")
     assert [scene.update(0.0), scene.modal.executions] == [None, 3]
     # of another scene's values, without the section
-    scene.adopt({"modal": {"material": "denim"}}, {"weave", "modal"})
+    scene.apply_settings({"modal": {"material": "denim"}}, {"weave", "modal"})
     assert scene.modal.yarns is None
 
 
@@ -349,7 +349,7 @@ def test_every_stage_of_the_table_says_what_it_is() -> None:
     for name in spacemap_vtk.FILTERS:
         stage = getattr(spacemap_vtk, name)
         assert stage.role in ROLES or stage.after, name
-        assert sections()[stage.section] is stage
+        assert section_classes()[stage.section] is stage
         assert len(stage.takes) == len(stage.inputs) == len(stage.input_names) * bool(stage.inputs)
 
 
@@ -382,7 +382,7 @@ def test_what_a_stage_provides_is_in_its_output(updated: dict[str, Stage], name:
         assert data[provided.association].GetAbstractArray(array) is not None, array
     # Colourings name arrays that there are, in their own units.
     for word, coloring in COLORINGS.items():
-        if coloring.scaled and coloring.array in stage.arrays:
+        if coloring.has_scale and coloring.array in stage.arrays:
             assert stage.arrays[coloring.array].unit == coloring.unit, word
 
 
@@ -450,4 +450,4 @@ def test_a_stage_that_is_switched_takes_others_along(
     given: str, section: str, on: bool, then: str
 ) -> None:
     parts = Scene({"weave": {}}).parts
-    assert switched(parts, given.split(), section, on) == set(then.split())
+    assert switch_section(parts, given.split(), section, on) == set(then.split())

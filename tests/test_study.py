@@ -53,7 +53,7 @@ def no_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     def here(_function: str, tasks: Sequence[Run], _count: int) -> Iterator[tuple[int, RunResult]]:
         yield from ((number, execute_run(task)) for number, task in enumerate(tasks))
 
-    monkeypatch.setattr("spacemap_vtk.jobs.sweep.in_processes", here)
+    monkeypatch.setattr("spacemap_vtk.jobs.sweep.run_in_processes", here)
 
 
 def run(*words: str) -> int:
@@ -135,7 +135,7 @@ def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Pat
 
 @pytest.mark.usefixtures("no_processes")
 def test_what_a_stopped_sweep_has_can_be_used_and_is_kept(scene: Path, tmp_path: Path) -> None:
-    sweep, folder = sweep_of(scene, [SPACINGS]), tmp_path / "cloth"
+    sweep, folder = read_sweep(scene, [SPACINGS]), tmp_path / "cloth"
 
     def stop(done: int, of: int) -> None:
         assert of == 3
@@ -156,7 +156,7 @@ def test_what_a_stopped_sweep_has_can_be_used_and_is_kept(scene: Path, tmp_path:
 
 
 def test_a_contact_sheet_has_each_picture_in_its_row_and_column(tmp_path: Path) -> None:
-    sweep = sweep_of("plain_weave", ["weave.ends=2,3", "weave.picks=4,5,6"])
+    sweep = read_sweep("plain_weave", ["weave.ends=2,3", "weave.picks=4,5,6"])
     files, colors = {}, {}
     for number, each in enumerate(sweep.runs[:-1]):
         colors[each.name] = (250, 40 * number, 0)
@@ -180,9 +180,9 @@ def test_a_contact_sheet_has_each_picture_in_its_row_and_column(tmp_path: Path) 
 def test_more_processes_than_memory_are_refused(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 2**30)
-    monkeypatch.setattr("spacemap_vtk.workers.available", lambda: 2**30)
-    sweep = sweep_of(scene, ["weave.warp_spacing=linspace(0.5 mm, 0.6 mm, 9)"])
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 2**30)
+    monkeypatch.setattr("spacemap_vtk.workers.available_bytes", lambda: 2**30)
+    sweep = read_sweep(scene, ["weave.warp_spacing=linspace(0.5 mm, 0.6 mm, 9)"])
     with pytest.raises(InputError, match=r"9 processes would need .* Take 2 or fewer"):
         execute_sweep(sweep, tmp_path / "cloth", workers=9)
     assert not (tmp_path / "cloth").exists()

@@ -33,7 +33,7 @@ def share(image: NDArray[np.uint8], color: Any) -> float:
 def test_each_style_is_another_picture_on_its_own_ground() -> None:
     images = {name: drawn(name) for name in STYLES}
     for name, image in images.items():
-        below, above = STYLES[name].below, STYLES[name].above
+        below, above = STYLES[name].bottom_color, STYLES[name].top_color
         assert np.abs(image[-1, 0].astype(int) - below).max() <= 2
         assert np.abs(image[0, 0].astype(int) - above).max() <= 2
     names = list(images)

@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonCore import mutable, vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkBezierQuadrilateral, vtkPolyData
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.memory import Recycler
+from spacemap_vtk.memory import ArrayPool
 from spacemap_vtk.textile.patches import tessellation as module
 from spacemap_vtk.textile.patches.bezier import arc_handle, bernstein, quadrilateral_order
 from spacemap_vtk.textile.patches.tessellation import Tessellation
@@ -333,7 +333,7 @@ def test_vtk_keeps_the_memory_it_shares():
 
 
 def test_memory_is_used_again():
-    recycler = Recycler()
+    recycler = ArrayPool()
     first = recycler.empty((1000, 3), np.float32)
     address = first.ctypes.data
     view = first[10:20]
@@ -349,7 +349,7 @@ def test_memory_is_used_again():
     del recycler
     other[:] = 1
     del other
-    assert Recycler().empty((0, 3), np.float32).shape == (0, 3)
+    assert ArrayPool().empty((0, 3), np.float32).shape == (0, 3)
 
 
 def test_two_callers_at_once():
@@ -384,7 +384,7 @@ def test_an_error_in_a_thread_is_raised(monkeypatch):
 
 
 def test_an_array_that_dies_runs_no_python() -> None:
-    recycler = Recycler()
+    recycler = ArrayPool()
     array, told = recycler.empty((10,), np.float64), []
     sys.setprofile(lambda _frame, event, _argument: told.append(event))
     try:
@@ -402,10 +402,10 @@ from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
-from spacemap_vtk.memory import Recycler
+from spacemap_vtk.memory import ArrayPool
 
 sys.setswitchinterval(1e-5)
-recycler, over = Recycler(), threading.Event()
+recycler, over = ArrayPool(), threading.Event()
 
 def work():
     while not over.is_set():

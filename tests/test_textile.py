@@ -25,8 +25,8 @@ from spacemap_vtk.jobs.sweep import execute_run
 from spacemap_vtk.mechanics.elements.plates import data_sheet
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Integer, Real
-from spacemap_vtk.scenes.runs import sweep_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.sweep import read_sweep
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.drafts.draft import Draft
@@ -75,7 +75,7 @@ class Yarns(Stage, Textile):
     """Yarns along curves."""
 
     role = "source"
-    provides: ClassVar = {"yarn": Provided("cell"), "color": Provided("cell")}
+    provides: ClassVar = {"yarn": ProvidedArray("cell"), "color": ProvidedArray("cell")}
 
     count = Integer(20, "Number of yarns.", minimum=1)
     diameter = Real(4e-4, "Diameter of the yarns.", unit="m", above=0.0)
@@ -168,7 +168,7 @@ class Tabby(Stage, Woven):
 
     section = "tabby"
     role = "source"
-    provides: ClassVar = {"yarn": Provided("cell"), "color": Provided("cell")}
+    provides: ClassVar = {"yarn": ProvidedArray("cell"), "color": ProvidedArray("cell")}
 
     threads = Integer(4, "Number of ends, and of picks.", minimum=2)
     _made: Cloth | None = None
@@ -341,7 +341,7 @@ def test_what_needs_a_weave_is_absent_or_refused(scene: Path) -> None:
     assert read.woven is None
     assert not hasattr(read, "weave")
     assert read.draft_file is None
-    assert read.obstacle() is None
+    assert read.find_obstacle() is None
     with pytest.raises(InputError, match="this scene is not woven, and has no draft"):
         _ = read.draft
 

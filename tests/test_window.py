@@ -12,8 +12,8 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
-from spacemap_vtk.scenes.chain import sections  # noqa: E402
-from spacemap_vtk.units import pretty  # noqa: E402
+from spacemap_vtk.scenes.pipeline import section_classes  # noqa: E402
+from spacemap_vtk.units import typeset_units  # noqa: E402
 
 
 def executions(window: Any) -> dict[str, int]:
@@ -41,7 +41,7 @@ def test_every_declared_parameter_has_a_field(open_scene: Any) -> None:
         rows = window.properties.rows
         assert list(rows) == list(part.parameters)
         for name, parameter in part.parameters.items():
-            assert pretty(parameter.help) in rows[name].toolTip(), section
+            assert typeset_units(parameter.help) in rows[name].toolTip(), section
             assert (rows[name].automatic is not None) == bool(parameter.automatic), name
 
 

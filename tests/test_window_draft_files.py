@@ -20,8 +20,8 @@ from spacemap_vtk.errors import InputError  # noqa: E402
 from spacemap_vtk.io.drafts.wif import parse_wif, read_wif  # noqa: E402
 from spacemap_vtk.io.drafts.wif_writer import format_wif  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
+from spacemap_vtk.scenes.editable_draft import format_colors  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
-from spacemap_vtk.scenes.shown import as_series  # noqa: E402
 from spacemap_vtk.textile.drafts.draft import Draft  # noqa: E402
 
 
@@ -257,13 +257,13 @@ def test_yarn_colours_are_written_as_their_repeat() -> None:
     a, b = (1, 2, 3), (4, 5, 6)
 
     def series(*rows: tuple[int, ...]) -> Any:
-        return as_series(np.array(rows, dtype=np.uint8))
+        return format_colors(np.array(rows, dtype=np.uint8))
 
     assert series(a, a, a) == "#010203"
     assert series(a, b, a) == ["#010203", "#040506"]
     assert series(a, a, b) == ["#010203", "#010203", "#040506"]
     many = np.arange(2001 * 3, dtype=np.uint8).reshape(-1, 3)
-    assert len(as_series(many)) == 2001
+    assert len(format_colors(many)) == 2001
 
 
 def test_edited_draft_keeps_the_data_of_its_file(draft_of: Any, qtbot: Any) -> None:

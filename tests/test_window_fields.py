@@ -17,7 +17,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QColorDialog  # noqa: E402
 
 from spacemap_vtk.scenes import library  # noqa: E402
-from spacemap_vtk.scenes.chain import sections  # noqa: E402
+from spacemap_vtk.scenes.pipeline import section_classes  # noqa: E402
 
 
 def editor(window: Any, section: str, name: str) -> Any:
@@ -255,7 +255,7 @@ def test_rows_without_effect_are_hidden(open_scene: Any) -> None:
         part = window.document.scene.parts[section]
         written = window.document.values.get(section, {})
         for name, row in window.properties.rows.items():
-            assert row.isHidden() == (bool(part.idle(name)) and name not in written), section
+            assert row.isHidden() == (bool(part.disabled_by(name)) and name not in written), section
 
 
 def type_again(line: Any, text: str) -> None:

@@ -198,8 +198,8 @@ def test_surface_too_large_to_draw_is_refused_and_the_last_one_stays(
     shown = window.view.frame.surface.GetNumberOfCells()
     # Enough memory for the surface, but not for OpenGL's copy.
     monkeypatch.setattr("spacemap_vtk.app.work.pipeline.DRAWN_POINT", 300)
-    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: 150 * 4 * shown)
+    monkeypatch.setattr("spacemap_vtk.memory.NEVER_REFUSED", 0)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 150 * 4 * shown)
     window.document.set("surface", "subdivisions", 2 * window.document.scene.surface.subdivisions)
     wait_until(lambda: messages and not window.engine.busy)
     assert f"to draw {4 * shown} polygons would need" in messages[-1]
@@ -218,7 +218,7 @@ def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: P
     file = tmp_path / "strip.toml"
     file.write_text(STRIP)
     window = open_scene(file)
-    figures = report.motion(Scene.read(file))
+    figures = report.report_motion(Scene.read(file))
     assert figures is not None
     assert figures["large"]
     # At t = 0 nothing is deformed: the message is about the whole motion.

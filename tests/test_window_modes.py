@@ -28,7 +28,7 @@ def click_row(window: Any, row: int) -> None:
 
 def test_table_of_modes_equals_the_command_line(open_scene: Any) -> None:
     window = open_scene()
-    figures = report.modes(Scene.read("plain_weave"))["modes"]
+    figures = report.report_modes(Scene.read("plain_weave"))["modes"]
     table = window.modes.table
     assert table.rowCount() == len(figures) == 180
     for row in (0, 1, 57, 179):

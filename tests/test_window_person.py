@@ -14,7 +14,7 @@ require_display()
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtWidgets import QApplication, QStyle, QStyleOptionSlider  # noqa: E402
 
-from spacemap_vtk.scenes.chain import sections  # noqa: E402
+from spacemap_vtk.scenes.pipeline import section_classes  # noqa: E402
 
 LEFT, CONTROL = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier
 

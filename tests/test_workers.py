@@ -10,7 +10,7 @@ import time
 import pytest
 
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.workers import in_processes, named
+from spacemap_vtk.workers import import_function, run_in_processes
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no signal kills there")
 
@@ -28,7 +28,7 @@ def answer(task: str) -> tuple[str, int]:
 
 def test_each_task_is_answered_and_a_process_serves_several() -> None:
     tasks = ["a", "refused", "killed", "b", "c"]
-    found = dict(in_processes(f"{__name__}:answer", tasks, 1))
+    found = dict(run_in_processes(f"{__name__}:answer", tasks, 1))
     assert str(found[1]) == "ends = -1: out of range. Take more."
     assert isinstance(found[1], InputError)
     assert "signal SIGKILL, perhaps for lack of memory" in str(found[2])
@@ -39,8 +39,8 @@ def test_each_task_is_answered_and_a_process_serves_several() -> None:
 
 
 def test_who_leaves_early_leaves_no_process() -> None:
-    assert named("os.path:basename")("a/b") == "b"
-    found = in_processes(f"{__name__}:answer", ["a", "slow", "slow"], 2)
+    assert import_function("os.path:basename")("a/b") == "b"
+    found = run_in_processes(f"{__name__}:answer", ["a", "slow", "slow"], 2)
     _, (task, process) = next(found)
     assert task == "a"
     found.close()

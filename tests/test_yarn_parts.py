@@ -161,7 +161,7 @@ def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
     whole, picture = picture_of(surface={"subdivisions": 3})
     assert picture.pieces is None
     monkeypatch.setattr(level_of_detail, "PIECE_PATCHES", 500)
-    monkeypatch.setattr(level_of_detail, "fits", lambda _: False)
+    monkeypatch.setattr(level_of_detail, "fits_in_memory", lambda _: False)
     parts, picture = picture_of(surface={"subdivisions": 3})
     assert picture.pieces is not None
     made = picture.pieces._stages

@@ -16,7 +16,7 @@ from spacemap_vtk.app.main_window import MainWindow
 from spacemap_vtk.app.requirements import create_application
 from spacemap_vtk.draw.graphics import INSTALL_DRIVERS, NO_DRIVER
 from spacemap_vtk.errors import MissingLibraryError
-from spacemap_vtk.vanishing import ENDING
+from spacemap_vtk.temporary_files import END_SIGNALS
 
 
 def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None = None) -> None:
@@ -49,7 +49,7 @@ def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None 
         window.discard()
         app.quit()
 
-    for number in ENDING:
+    for number in END_SIGNALS:
         if signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, end)
     timer = QTimer(window)

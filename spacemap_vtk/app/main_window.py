@@ -50,9 +50,9 @@ from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import ViewOptions
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.load_parameters import DOWN
-from spacemap_vtk.scenes.chain import sections, words_of
-from spacemap_vtk.scenes.origin import elsewhere
-from spacemap_vtk.scenes.report import motion_in_short, motion_told
+from spacemap_vtk.scenes.pipeline import section_classes, stage_title
+from spacemap_vtk.scenes.report import describe_motion, summarise_motion
+from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import View
 
 #: Highest shown progress of a running stage, in percent: after its last step it may still need

@@ -80,7 +80,7 @@ class Menus(QObject):
         self.recent = menu.addMenu("Open recent")
         self.recent.aboutToShow.connect(self._fill_recent)
         self.scenes = menu.addMenu("Scenes")
-        for kind, names in library.kinds().items():
+        for kind, names in library.names_by_kind().items():
             group = self.scenes.addMenu(kind)
             for name in names:
                 self._add_action(group, name, None, self._open_named).setData(name)

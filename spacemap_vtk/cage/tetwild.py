@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from spacemap_vtk import cache, cancel
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.vanishing import vanishing_folder
+from spacemap_vtk.temporary_files import temporary_folder
 
 #: Largest distance of the mesh from the surface, as a share of the diagonal. fTetWild's default of
 #: 1e-3 makes ten times as many tetrahedra near flat faces as a cage needs.
@@ -148,7 +148,7 @@ _CURE = 'Close the holes of the surface, or set inflate = "1 mm" or method = "ca
 
 def _run_tetwild(**surface: Any) -> dict[str, NDArray[Any]]:
     """Make a mesh in a child process, in a folder of its own."""
-    with vanishing_folder() as folder:
+    with temporary_folder() as folder:
         np.savez(folder / "surface.npz", **surface)
         done = run_process([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():

@@ -31,16 +31,16 @@ def scenes_and_files(context: CompletionContext) -> Iterator[str]:
 
 def sections(context: CompletionContext) -> Iterable[str]:
     """List the sections of a scene file."""
-    from spacemap_vtk.scenes.chain import sections
+    from spacemap_vtk.scenes.pipeline import section_classes
 
-    return list(sections())
+    return list(section_classes())
 
 
 def assignments(context: CompletionContext) -> Iterator[str]:
     """List the keys of a scene file as ``section.key=``, or once with each choice."""
-    from spacemap_vtk.scenes.chain import sections
+    from spacemap_vtk.scenes.pipeline import section_classes
 
-    for section, kind in sections().items():
+    for section, kind in section_classes().items():
         for name, parameter in kind.parameters.items():
             for choice in getattr(parameter, "choices", None) or [""]:
                 yield f"{section}.{name}={choice}"

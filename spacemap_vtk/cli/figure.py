@@ -26,7 +26,7 @@ from spacemap_vtk.cli.options import (
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import describe_writers
 from spacemap_vtk.jobs import FigureJob
-from spacemap_vtk.scenes.assignments import swept
+from spacemap_vtk.scenes.assignments import parse_value_list
 from spacemap_vtk.units import parse_quantity
 
 #: Allowed widths of a page, in m.
@@ -116,7 +116,7 @@ def figure(
     chosen = open_scene(scene, color=color, style=style)
     lists = []
     for assignment in set_:
-        if len(swept(assignment, chosen.parts).values) > 1:
+        if len(parse_value_list(assignment, chosen.parts).values) > 1:
             lists.append(assignment)
         else:
             chosen.set(assignment)

@@ -26,7 +26,7 @@ from cyclopts import (
 )
 
 from spacemap_vtk import __version__, extensions
-from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
+from spacemap_vtk.errors import InputError, SpacemapWarning, format_error
 from spacemap_vtk.io.registry import describe_scene_files
 
 app = App(
@@ -250,5 +250,5 @@ def _discard_output() -> None:
 
 def _print_error(error: BaseException | str) -> None:
     with suppress(OSError):  # the exit status shows the failure, too
-        text = one_line(error) if isinstance(error, BaseException) else " ".join(error.split())
+        text = format_error(error) if isinstance(error, BaseException) else " ".join(error.split())
         print(f"spacemap: {text}", file=sys.stderr)

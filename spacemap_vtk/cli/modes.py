@@ -29,7 +29,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import describe_writers
 from spacemap_vtk.jobs import BiaxialJob, PlotJob, ShapesJob
 from spacemap_vtk.jobs.job import Job
-from spacemap_vtk.units import aligned, parse_quantity
+from spacemap_vtk.units import align_decimals, parse_quantity
 
 
 def modes(
@@ -61,10 +61,10 @@ def modes(
     sheet = None if plot is None else ShapesJob(plot)
     chosen = open_scene(scene, set_)
     from spacemap_vtk.scenes import report
-    from spacemap_vtk.scenes.figure_list import hung_figures, sheet_figures
+    from spacemap_vtk.scenes.figure_list import equilibrium_figures, sheet_figures
 
     with progress(chosen, "Solving", quiet):
-        figures = report.modes(chosen)
+        figures = report.report_modes(chosen)
     if sheet is not None:
         with progress(chosen, "Drawing shapes", quiet) as report_progress:
             sheet.run(chosen, report_progress)
@@ -78,7 +78,7 @@ def modes(
         caption="x, y, z: effective mass in % of the mass that can move; Σ: cumulative",
         min_width=72,  # width of the caption
     )
-    frequencies = aligned(mode["frequency_hz"] for mode in figures["modes"])
+    frequencies = align_decimals(mode["frequency_hz"] for mode in figures["modes"])
     for number, (mode, frequency) in enumerate(zip(figures["modes"], frequencies, strict=True), 1):
         ratio = mode["damping_ratio"]
         shares = zip(mode["effective_mass_share"], mode["cumulative_mass_share"], strict=True)

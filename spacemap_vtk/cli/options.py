@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from spacemap_vtk.cli import completers
-from spacemap_vtk.errors import InputError, printable
+from spacemap_vtk.errors import InputError, escape_unprintable
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import STYLES
 from spacemap_vtk.units import parse_quantity
@@ -168,8 +168,8 @@ def open_scene(
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
     # Imported here, because they import VTK, which no command's help needs.
-    from spacemap_vtk.scenes.origin import elsewhere
     from spacemap_vtk.scenes.scene import Scene
+    from spacemap_vtk.scenes.scene_record import describe_outside_files
 
     scene = Scene.read(name)
     for assignment in assignments:
@@ -211,7 +211,7 @@ def open_scene(
                 value=size,
                 allowed=f"width x height, for example 1920x1080, each {side.component.allowed}",
             ) from error
-    for text in elsewhere(scene):
+    for text in describe_outside_files(scene):
         scene.warn(text)
     return scene
 
@@ -272,7 +272,7 @@ def print_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
             shown[-1] += f" (and {hidden} more: spacemap info {scene.file})"
         texts = shown
     for text in texts:
-        print("spacemap: warning:", printable(text, "\n"), file=sys.stderr)
+        print("spacemap: warning:", escape_unprintable(text, "\n"), file=sys.stderr)
 
 
 def number_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:

@@ -12,11 +12,11 @@ from cyclopts import Parameter
 
 from spacemap_vtk import __version__
 from spacemap_vtk.cli.options import Quiet, Set, flag, output_option, print_warnings, progress
-from spacemap_vtk.errors import InputError, SpacemapError, printable
+from spacemap_vtk.errors import InputError, SpacemapError, escape_unprintable
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.jobs import JOBS, DataJob, job_from_json
-from spacemap_vtk.vanishing import vanishing_folder
+from spacemap_vtk.temporary_files import temporary_folder
 
 #: Fields of picture and film jobs that only the window sets; there are no options for them.
 _WINDOW_FIELDS = {"place": "the camera", "panels": "the panels", "framed": "the view of the film"}
@@ -67,7 +67,7 @@ def remake(
         spacemap again cloth.png --check
         spacemap again cloth.glb -o more.glb --set weave.ends=20
     """
-    from spacemap_vtk.scenes.origin import places, scene_of
+    from spacemap_vtk.scenes.scene_record import input_folders, restore_scene
 
     record = provenance.read_record(registry.require_file(file))
     if record is None:
@@ -81,7 +81,7 @@ def remake(
     scene, inputs = scene_of(record, places(file, folder))
     if not quiet:
         for line in (*describe_record(record, file), *(f"reads {path}" for path in inputs)):
-            print(printable(line, "\n"))
+            print(escape_unprintable(line, "\n"))
         print("writes nothing" if check else f"writes {target}", flush=True)
     if target.resolve() in [path.resolve() for path in inputs]:
         raise InputError(

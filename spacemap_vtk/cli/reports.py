@@ -26,7 +26,7 @@ from spacemap_vtk.cli.options import (
     progress,
 )
 from spacemap_vtk.draw import thumbnails
-from spacemap_vtk.errors import InputError, MissingLibraryError, printable
+from spacemap_vtk.errors import InputError, MissingLibraryError, escape_unprintable
 from spacemap_vtk.io import provenance, registry
 from spacemap_vtk.scenes import library
 from spacemap_vtk.units import format_quantity
@@ -82,7 +82,7 @@ def info(
     from spacemap_vtk.scenes import figure_list, report
 
     with progress(chosen, "Weaving", quiet):
-        figures = report.fabric(chosen, None if time is None else chosen.view.time)
+        figures = report.report_fabric(chosen, None if time is None else chosen.view.time)
     if json_:
         print_json(figures)
         return
@@ -92,25 +92,25 @@ def info(
     for heading in ("", "warp", "weft"):
         table.add_column(heading, justify="right" if heading else "left")
     for warp, weft in figure_list.yarn_figures(figures):
-        table.add_row(warp.label, warp.told, weft.told)
+        table.add_row(warp.label, warp.text, weft.told)
     print_plain(table)
-    print_labelled((figure.label, figure.told) for figure in figure_list.cloth_figures(figures))
+    print_labelled((figure.label, figure.text) for figure in figure_list.cloth_figures(figures))
     print_warnings(chosen, quiet)
 
 
 def _print_object(scene: Scene, json: bool, quiet: bool) -> None:
     """Print the figures of an object, or of a textile that is not woven, and of its cage."""
-    from spacemap_vtk.scenes.anatomy import body
     from spacemap_vtk.scenes.figure_list import textile_figures
+    from spacemap_vtk.scenes.object_report import report_object
 
     with progress(scene, "Measuring", quiet):
-        figures = body(scene)
+        figures = report_object(scene)
     if json:
         print_json(figures)
         return
     print_plain(scene.title)
     if scene.textile is not None:
-        print_labelled((f.label, f.told) for f in textile_figures(scene.textile))
+        print_labelled((f.label, f.text) for f in textile_figures(scene.textile))
     print_labelled(_object_rows(figures))
     print_warnings(scene, quiet)
 
@@ -177,9 +177,9 @@ def _print_record(file: Path, json_: bool) -> bool:
     if not json_:
         from spacemap_vtk.cli.remake import describe_record
 
-        print(printable("\n".join(describe_record(record, file)), "\n"))
+        print(escape_unprintable("\n".join(describe_record(record, file)), "\n"))
         if not opens:
-            print("\n" + printable(record.scene, "\n"), end="")
+            print("\n" + escape_unprintable(record.scene, "\n"), end="")
     elif not opens:
         print_json(asdict(record))
     return not opens
@@ -338,9 +338,9 @@ def keys(
         spacemap keys
         spacemap keys weave
     """
-    from spacemap_vtk.scenes.chain import sections
+    from spacemap_vtk.scenes.pipeline import section_classes
 
-    known = sections()
+    known = section_classes()
     if section is None:
         print('title = "..."\n    Title of the scene, above all sections.\n')
     else:
@@ -362,7 +362,7 @@ def format_default(parameter: Any) -> str:
 
     if parameter.default is None:
         return f'"{AUTOMATIC}"  # {parameter.automatic}'
-    text = parameter.show(parameter.default)
+    text = parameter.format(parameter.default)
     if text.startswith("["):  # a vector, which is followed by its unit
         return text.replace("] ", "]  # ")
     try:

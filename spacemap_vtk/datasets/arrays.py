@@ -76,7 +76,7 @@ def add_array(data: vtkFieldData, name: str, values: NDArray[Any]) -> None:
     data.AddArray(to_array(values, name))
 
 
-def copied(data: Any) -> Any:
+def shallow_copy(data: Any) -> Any:
     """Return a shallow copy of a data object; the arrays are shared."""
     copy = data.NewInstance()
     copy.ShallowCopy(data)
@@ -91,7 +91,7 @@ def add_number(data: vtkFieldData, name: str, value: float) -> None:
     data.AddArray(array)
 
 
-def colors_in(data: vtkFieldData) -> str | None:
+def color_array_name(data: vtkFieldData) -> str | None:
     """Return the name of the first array of RGB or RGBA bytes, or None."""
     for i in range(data.GetNumberOfArrays()):
         array = data.GetArray(i)
@@ -101,7 +101,7 @@ def colors_in(data: vtkFieldData) -> str | None:
     return None
 
 
-def take_arrays(source: Any, target: Any, rows: AnyInts) -> None:
+def copy_rows(source: Any, target: Any, rows: AnyInts) -> None:
     """Copy the given rows of all numeric arrays to another table, with their attribute types."""
     for i in range(source.GetNumberOfArrays()):
         array = source.GetArray(i)
@@ -124,7 +124,7 @@ def to_image(pixels: NDArray[np.uint8]) -> vtkImageData:
 
 
 #: Largest number of array names that an error message lists.
-_LISTED = 8
+_MAX_LISTED = 8
 
 
 def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
@@ -132,16 +132,16 @@ def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
     array = data.GetArray(name)
     if array is None:
         names = [str(data.GetArrayName(i)) for i in range(data.GetNumberOfArrays())]
-        more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+        more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
         raise InputError(
             f'{owner} needs an array "{name}", and the input has '
-            + ((", ".join(f'"{n}"' for n in names[:_LISTED]) + more) or "none"),
+            + ((", ".join(f'"{n}"' for n in names[:_MAX_LISTED]) + more) or "none"),
             cure=suggestion(name, names),
         )
     return vtk_to_numpy(array)
 
 
-def masks_of(grid: vtkUnstructuredGrid) -> Callable[[str], NDArray[Any]]:
+def mask_reader(grid: vtkUnstructuredGrid) -> Callable[[str], NDArray[Any]]:
     """Return a function that returns the point array named in a place expression."""
     return lambda name: array_of(grid.GetPointData(), name, f"the place mask({name})")
 

@@ -165,7 +165,7 @@ def cloth_arrays(data: vtkDataObject) -> dict[str, NDArray[Any]]:
     return {n: vtk_to_numpy(field.GetArray(n)) for n in names if n.startswith(_PREFIX)}
 
 
-def pass_cloth(source: vtkDataObject, target: vtkDataObject) -> None:
+def copy_cloth(source: vtkDataObject, target: vtkDataObject) -> None:
     """Pass the field arrays of a cloth to another data set, without copies."""
     field = source.GetFieldData()
     for index in range(field.GetNumberOfArrays()):

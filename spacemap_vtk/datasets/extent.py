@@ -21,12 +21,12 @@ UP = "up"
 FILLED = "filled"
 #: _FOOT: height of an object's foot and of its top, as a share of the object's height.
 #: _BROADER: the foot must be larger than the top by this share of the area of the bounding box.
-_FOOT, _BROADER = 0.05, 0.03
+_FOOT, _MIN_EXCESS = 0.05, 0.03
 #: z counts as the longer axis if it is at least this many times as long as y.
-_LONGER = 1.2
+_LONGER_RATIO = 1.2
 
 
-def tell_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
+def store_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
     """Write the bounds of the whole data set into a field array of a piece."""
     add_array(data.GetFieldData(), _NAME, np.array([data.GetBounds(), whole]))
 
@@ -34,7 +34,7 @@ def tell_bounds(data: vtkDataSet, whole: ArrayLike) -> None:
 def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None) -> Sequence[float]:
     """Return the bounds of the whole data set that a piece belongs to."""
     own = data.GetBounds()
-    if piece.of == 1:
+    if piece.total == 1:
         return own
     told = data.GetFieldData().GetArray(_NAME)
     rows = None if told is None else vtk_to_numpy(told).reshape(2, 6)
@@ -42,14 +42,14 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
     if processes is not None:
         sign = np.tile([-1.0, 1.0], 3)
         mine = sign * own if data.GetNumberOfPoints() else np.full(6, -np.inf)
-        doubt, *largest = processes.largest([not trusted, *mine])
+        doubt, *largest = processes.maximum([not trusted, *mine])
         if doubt:
             if not np.isfinite(largest).all():
                 raise GeometryError("there is nothing to enclose: the input has no points")
             return (sign * largest).tolist()
     elif not trusted:
         raise GeometryError(
-            f"of the input only piece {piece.number} of {piece.of} is here, and how far the rest "
+            f"of the input only piece {piece.number} of {piece.total} is here, and how far the rest "
             "reaches is not known",
             cure="Ask for all of it, or run as many processes as there are pieces.",
         )
@@ -80,7 +80,7 @@ def filled_share(cage: vtkDataSet) -> float:
     return 1.0 if share is None else float(share.GetValue(0))
 
 
-def upright(points: NDArray[Any]) -> int:
+def guess_up_axis(points: NDArray[Any]) -> int:
     """Guess the up axis, 1 or 2: the foot is broader than the top, or else z is longer than y."""
     low, extent = points.min(axis=0), np.ptp(points, axis=0).astype(np.float64)
     # A flat axis has neither foot nor top: 0.5 keeps all points out of both.
@@ -94,5 +94,5 @@ def upright(points: NDArray[Any]) -> int:
         return float(foot - top)
 
     lead = broader(2) - broader(1)
-    longer = extent[2] > _LONGER * extent[1]
-    return 2 if lead > _BROADER or (abs(lead) <= _BROADER and longer) else 1
+    longer = extent[2] > _LONGER_RATIO * extent[1]
+    return 2 if lead > _MIN_EXCESS or (abs(lead) <= _MIN_EXCESS and longer) else 1

@@ -37,7 +37,7 @@ GRAVITY_IN_FORCE = "equilibrium_gravity"
 _TERMS = "energy_terms"
 
 #: Array name of each fitting of a cage, and whether it is a cell array (else a point array).
-_FITTED = {
+_FITTING_ARRAYS = {
     "normals": ("fixed_directions", False),
     "bodies": ("rigid_body", False),
     "springs": ("spring_stiffness", False),
@@ -64,14 +64,14 @@ class InputDeck(NamedTuple):
     left_out: list[str]
 
 
-def attach(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) -> None:
+def add_model(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float]) -> None:
     """Write supports, fittings, material and equilibrium of a model into arrays of its grid."""
     held = (~model.free).reshape(-1, 3).astype(np.uint8)
     data = grid.GetPointData()
     given = model.fittings.given
     inclined = given["normals"].any(axis=(1, 2)) if "normals" in given else False
     add_array(data, "fixed", held.max(axis=1) | inclined)
-    for key, (name, of_cells) in _FITTED.items():
+    for key, (name, of_cells) in _FITTING_ARRAYS.items():
         table = grid.GetCellData() if of_cells else data
         table.RemoveArray(name)  # an earlier ModalSolver in the pipeline may have written it
         if key in given:
@@ -117,7 +117,7 @@ def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:
         add_array(grid.GetFieldData(), name, np.atleast_1d(np.array(value, dtype=np.float64)))
 
 
-def sheet_in(grid: vtkUnstructuredGrid) -> DataSheet | None:
+def sheet_of(grid: vtkUnstructuredGrid) -> DataSheet | None:
     """Return the figures of the sheet as which ModalSolver treats a cage; None for tetrahedra."""
     field = grid.GetFieldData()
     if field.GetArray("bending_length") is None:
@@ -127,15 +127,15 @@ def sheet_in(grid: vtkUnstructuredGrid) -> DataSheet | None:
     return DataSheet(*found)
 
 
-def measures_in(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
+def solver_results(grid: vtkUnstructuredGrid | None) -> dict[str, Any]:
     """Return ModalSolver's choice of elements and sheet figures by parameter; empty if not run."""
     if grid is None or not grid.GetFieldData().HasArray("eigenvalues"):
         return {}
-    sheet = sheet_in(grid)
+    sheet = sheet_of(grid)
     return {"elements": "tetrahedra"} if sheet is None else {"elements": "sheet", **sheet._asdict()}
 
 
-def gravity_in(grid: vtkUnstructuredGrid) -> Floats:
+def gravity_of(grid: vtkUnstructuredGrid) -> Floats:
     """Return the gravity of a cage's equilibrium [m/s²], (3,); zero without an equilibrium."""
     if not grid.GetPointData().HasArray("equilibrium"):
         return np.zeros(3)
@@ -161,7 +161,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
         )
     fitted = {
         key: array_of(table, name, _OWNER)
-        for key, (name, of_cells) in _FITTED.items()
+        for key, (name, of_cells) in _FITTING_ARRAYS.items()
         if (table := grid.GetCellData() if of_cells else data).GetArray(name) is not None
     }
     for key in ("normals", "springs"):

@@ -13,12 +13,12 @@ from spacemap_vtk.ndarrays import AnyInts, Bools, Floats
 from spacemap_vtk.parallel import blocks
 
 #: Largest number of materials. With more colours than this, each point stores its colour.
-_MATERIALS = 32
+_MAX_MATERIALS = 32
 #: Number of points that are processed in one block.
-_TOGETHER = 2**14
+_BLOCK = 2**14
 
 
-class Shade(NamedTuple):
+class SurfaceMaterial(NamedTuple):
     """A material and the points that have it."""
 
     name: str
@@ -59,7 +59,7 @@ class ScaledNumbers(NamedTuple):
     weights: NDArray[np.floating]
 
 
-class Sight(NamedTuple):
+class InitialView(NamedTuple):
     """The initial view of an animated surface."""
 
     #: For each camera name, the direction from the centre to the camera and the up direction.
@@ -91,7 +91,7 @@ class YarnCurves(NamedTuple):
     basis: str = "bezier"
 
 
-class ShortTargets(NamedTuple):
+class QuantisedTargets(NamedTuple):
     """Targets quantised to small integers, with one step size for each target."""
 
     #: Length that the number 1 in the file stands for [m].
@@ -124,7 +124,7 @@ class MovingSurface:
     #: Part of each point, as an index into `part_names`, (N,).
     parts: AnyInts
     part_names: Sequence[str]
-    sight: Sight
+    view: InitialView
     #: Largest allowed distance of a point from its exact position [m].
     tolerance: float
     target_names: Sequence[str] = ()
@@ -133,41 +133,41 @@ class MovingSurface:
     curves: YarnCurves | None = None
     numbers: ScaledNumbers | None = None
     #: The targets in quantised form, if there are so many points that their size matters.
-    short: ShortTargets | None = None
+    quantised: QuantisedTargets | None = None
     #: Metadata of the file, for people and programs.
-    about: Mapping[str, Any] = field(default_factory=dict)
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def lying(self) -> bool:
+    def is_z_up(self) -> bool:
         """Whether the up axis is z instead of y."""
-        return tuple(self.sight.cameras[self.sight.camera][1]) == (0.0, 0.0, 1.0)
+        return tuple(self.view.cameras[self.view.camera][1]) == (0.0, 0.0, 1.0)
 
     @property
-    def painted(self) -> bool:
+    def has_point_colors(self) -> bool:
         """Whether each point stores its colour, because there are too many for materials."""
-        return len(np.unique(self.colors, axis=0)) > _MATERIALS
+        return len(np.unique(self.colors, axis=0)) > _MAX_MATERIALS
 
     @property
-    def materials(self) -> list[Shade]:
+    def materials(self) -> list[SurfaceMaterial]:
         """The materials: one for each colour of each part."""
-        if self.painted:
+        if self.has_point_colors:
             every = np.ones(len(self.points), np.bool_)
-            return [Shade("colours of points", (1.0, 1.0, 1.0), every)]
+            return [SurfaceMaterial("colours of points", (1.0, 1.0, 1.0), every)]
         table = np.column_stack([self.parts, self.colors])
         found, own = np.unique(table, axis=0, return_inverse=True)
         return [
-            Shade(
+            SurfaceMaterial(
                 f"{self.part_names[part]} #{bytes(rgb).hex()}",
-                tuple(linear(np.array(rgb, np.uint8)).tolist()),
+                tuple(to_linear_light(np.array(rgb, np.uint8)).tolist()),
                 own.reshape(-1) == number,
             )
             for number, (part, *rgb) in enumerate(found.tolist())
         ]
 
 
-def shortened(
+def quantise_targets(
     targets: NDArray[np.float32], normals: NDArray[np.float32] | None, weights: NDArray[np.floating]
-) -> tuple[ShortTargets, float]:
+) -> tuple[QuantisedTargets, float]:
     """Quantise targets; also return the largest error of a point's position [m]."""
     sizes = np.array([np.abs(target).max() for target in targets], np.float64)
     turns = 0.0 if normals is None else np.array([np.abs(each).max() for each in normals])
@@ -182,14 +182,14 @@ def shortened(
         if facing is not None and normals is not None:
             facing[k] = np.rint(normals[k] * (127 / factor))
     error, steps = 0.0, unit * factors / 32767
-    for part in blocks(targets.shape[1], _TOGETHER):
+    for part in blocks(targets.shape[1], _BLOCK):
         off = targets[:, part] - places[:, part] * steps[:, None, None]
         sums = np.tensordot(weights, off, 1)
         error = max(error, float(np.sqrt(np.einsum("tnk,tnk->tn", sums, sums).max())))
-    return ShortTargets(unit, factors, places, facing), error
+    return QuantisedTargets(unit, factors, places, facing), error
 
 
-def linear(colors: NDArray[np.uint8]) -> Floats:
+def to_linear_light(colors: NDArray[np.uint8]) -> Floats:
     """Convert sRGB bytes to linear light, 0 to 1 (IEC 61966-2-1); renderers add linear light."""
     shares = colors / 255.0
     return np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)

@@ -25,7 +25,7 @@ Touch = Callable[[Floats, Floats, Sequence[int]], Bools]
 _MOST_VOXELS = 160
 
 
-def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
+def extract_outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
     """Return all points of an object, and the triangles and segments of its surface."""
     cutter = vtkTriangleFilter()
     cutter.SetInputData(surface)
@@ -42,7 +42,7 @@ def outline(data: vtkDataSet, surface: vtkPolyData) -> Outline:
     return points, triangles
 
 
-def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outline:
+def make_envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outline:
     """Return a closed surface at a distance [m] around an object with the given bounds."""
     # The object is converted to voxels, and enclosed voxels are added. The envelope is an
     # isosurface of the distance to these voxels, so it also exists for open, self-intersecting and
@@ -71,7 +71,7 @@ def envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> Outlin
     return _points(made), _cells(made.GetPolys(), 3)
 
 
-def edge_faults(triangles: Ints, points: Floats) -> tuple[int, int]:
+def count_edge_faults(triangles: Ints, points: Floats) -> tuple[int, int]:
     """Count the open edges, and the edges that join more than two triangles."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     faces = same.ravel()[triangles]

@@ -30,7 +30,7 @@ class Piece(NamedTuple):
     """A requested piece of a data set."""
 
     number: int = 0
-    of: int = 1
+    total: int = 1
     ghosts: int = 0
     """Number of layers of cells around the piece that other pieces own."""
 
@@ -43,7 +43,7 @@ class PeerError(SpacemapError, RuntimeError):
     """Another process has failed."""
 
 
-def world() -> int:
+def world_size() -> int:
     """Return the number of processes; 1 without MPI."""
     controller = vtkMultiProcessController.GetGlobalController()
     return 1 if controller is None else int(controller.GetNumberOfProcesses())
@@ -61,41 +61,41 @@ class Processes:
     def __init__(self, controller: Any) -> None:
         self._controller = controller
         self.rank, self.size = controller.GetLocalProcessId(), controller.GetNumberOfProcesses()
-        self._all_know = False
+        self._all_informed = False
 
     @classmethod
-    def of(cls, piece: Piece) -> Processes | None:
+    def for_piece(cls, piece: Piece) -> Processes | None:
         """Return the processes of a collective run; None if this process works alone."""
-        if piece.of == 1:
+        if piece.total == 1:
             return None
         controller = vtkMultiProcessController.GetGlobalController()
         if controller is None:
             return None
         made = cls(controller)
-        return made if (piece.number, piece.of) == (made.rank, made.size) else None
+        return made if (piece.number, piece.total) == (made.rank, made.size) else None
 
-    def agree(self) -> None:
+    def check_peers(self) -> None:
         """Raise PeerError if another process has failed."""
-        self._tell()
+        self._exchange()
 
     def finish(self, warnings: Sequence[str]) -> list[str]:
         """End a run that succeeded here; return the warnings of all processes."""
-        told = self._tell(warnings=list(warnings))
+        told = self._exchange(warnings=list(warnings))
         return list(dict.fromkeys(text for item in told for text in item.get("warnings", [])))
 
     def fail(self, error: BaseException) -> None:
         """End a run that failed here, and send the error unless all processes know of it."""
-        if not self._all_know:
-            self._tell(error=str(error) or type(error).__name__)
+        if not self._all_informed:
+            self._exchange(error=str(error) or type(error).__name__)
 
-    def largest(self, values: ArrayLike) -> Floats:
+    def maximum(self, values: ArrayLike) -> Floats:
         """Return the elementwise maximum of the values of all processes."""
-        self.agree()
+        self.check_peers()
         return self._largest(values)
 
-    def from_first(self, make: Callable[[], Sequence[Floats]]) -> list[Floats]:
+    def make_in_first(self, make: Callable[[], Sequence[Floats]]) -> list[Floats]:
         """Make arrays in the first process only, and send them to all."""
-        self.agree()
+        self.check_peers()
         made: list[Floats] = []
         shapes: list[list[int]] = []
         if self.rank == 0:
@@ -105,7 +105,7 @@ class Processes:
                 self.fail(error)
                 raise
             shapes = [list(array.shape) for array in made]
-        shapes = self._tell(shapes=shapes)[0].get("shapes", [])
+        shapes = self._exchange(shapes=shapes)[0].get("shapes", [])
         if self.rank != 0:
             made = [np.empty(shape) for shape in shapes]
         for array in made:
@@ -113,7 +113,7 @@ class Processes:
                 self._controller.Broadcast(numpy_to_vtk(array.reshape(-1)), 0)
         return made
 
-    def _tell(self, **facts: Any) -> list[dict[str, Any]]:
+    def _exchange(self, **facts: Any) -> list[dict[str, Any]]:
         """Return the facts that each process sends; raise PeerError if another one has failed."""
         facts = {key: value for key, value in facts.items() if value}
         said = np.frombuffer(json.dumps(facts).encode() if facts else b"", dtype=np.uint8)
@@ -126,7 +126,7 @@ class Processes:
         told = [json.loads(row.tobytes().strip() or b"{}") for row in rows]
         failed = [rank for rank, item in enumerate(told) if "error" in item]
         if failed:
-            self._all_know = True
+            self._all_informed = True
             if self.rank not in failed:
                 where = ", ".join(str(rank) for rank in failed)
                 raise PeerError(

@@ -26,26 +26,26 @@ from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import AnyInts, Ints
 
 
-def _whole(cells: AnyInts) -> AnyInts:
+def _keep_cells(cells: AnyInts) -> AnyInts:
     return cells
 
 
-def _voxels(cells: AnyInts) -> AnyInts:
+def _split_voxels(cells: AnyInts) -> AnyInts:
     return split.SPLITS[8](cells[:, [0, 1, 3, 2, 4, 5, 7, 6]])
 
 
-def _triquadratic(cells: AnyInts) -> AnyInts:
+def _split_triquadratic(cells: AnyInts) -> AnyInts:
     return split.SPLITS[8](cells[:, EIGHT].reshape(-1, 8))
 
 
 _TETRAHEDRA = (10, 24, 71, 78)
 # For each VTK cell type: the number of corners, and the function that splits the cells.
 _KINDS: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
-    **dict.fromkeys(_TETRAHEDRA, (4, _whole)),
+    **dict.fromkeys(_TETRAHEDRA, (4, _keep_cells)),
     **dict.fromkeys((12, 25, 29, 33, 72, 79), (8, split.SPLITS[8])),
     **dict.fromkeys((13, 26, 31, 32, 73, 80), (6, split.SPLITS[6])),
     **dict.fromkeys((14, 27, 37, 74, 81), (5, split.SPLITS[5])),
-    11: (8, _voxels),
+    11: (8, _split_voxels),
 }
 # The same for quadratic cells: the number of nodes, without nodes on faces and in the interior.
 _QUADRATIC: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
@@ -56,7 +56,7 @@ _QUADRATIC: dict[int, tuple[int, Callable[[AnyInts], AnyInts]]] = {
 }
 # All 27 nodes of triquadratic hexahedra are used only if the mesh has no other solid cells: the
 # cells would not conform otherwise.
-_TRIQUADRATIC = {29: (27, _triquadratic)}
+_TRIQUADRATIC = {29: (27, _split_triquadratic)}
 # Points, lines and polygons, linear and curved, have no volume.
 _NO_VOLUME = {*range(10), 21, 22, 23, 28, 30, 34, 35, 36, 68, 69, 70, 75, 76, 77}
 
@@ -73,7 +73,7 @@ class Volume:
     notes: list[str] = field(default_factory=list)
 
 
-def tetrahedral(data: vtkPointSet, what: str) -> Volume:
+def split_into_tetrahedra(data: vtkPointSet, what: str) -> Volume:
     """Split the cells of a mesh into linear tetrahedra."""
     if not isinstance(data, vtkUnstructuredGrid) or data.GetNumberOfCells() == 0:
         raise GeometryError(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, copied
+from spacemap_vtk.datasets.arrays import add_array, array_of, shallow_copy
 from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.actors.color_values import add_color_values
@@ -101,7 +101,7 @@ def frame_of(
         drawn,
         cage,
         scene.view.color,
-        scene.painting,
+        scene.picture,
         closed=scene.textile is not None and scene.textile.closed and cloth is None,
         relief=relief_of(scene),
         camera=camera_of(scene),

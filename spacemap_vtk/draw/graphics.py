@@ -7,7 +7,7 @@ import os
 import sys
 
 from spacemap_vtk.errors import MissingLibraryError
-from spacemap_vtk.parallel import loops
+from spacemap_vtk.parallel import load_loops
 
 #: Message for a machine whose OpenGL library has no working driver, and its cure.
 NO_DRIVER = "OpenGL draws nothing here: no driver of its library works"
@@ -68,7 +68,7 @@ def uses_software_renderer() -> bool:
     """Test whether pictures are drawn without OpenGL; raise an error if nothing can draw."""
     if (
         missing_libraries()
-        and loops("spacemap_vtk.draw.software.raster_loops", many=True) is not None
+        and load_loops("spacemap_vtk.draw.software.raster_loops", many=True) is not None
     ):
         return True
     prepare_offscreen()

@@ -19,7 +19,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, copied, points_of, to_points
+from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, shallow_copy, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
 from spacemap_vtk.draw.actors.color_values import color_values
@@ -38,13 +38,22 @@ from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io.polygons import require_writer_memory
 from spacemap_vtk.io.registry import SMALLER_FILE_CURE
-from spacemap_vtk.memory import require
-from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Floats, Ints, Say, Singles, Tell
+from spacemap_vtk.memory import require_memory
+from spacemap_vtk.ndarrays import (
+    AnyFloats,
+    AnyInts,
+    Bytes,
+    Floats,
+    Ints,
+    MessageCallback,
+    Singles,
+    StepProgress,
+)
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.footprint import frame_bytes, mesh_bytes, patch_bytes
 from spacemap_vtk.scenes.level_of_detail import DrawnCloth, sides_in_file
-from spacemap_vtk.scenes.report import modes
+from spacemap_vtk.scenes.memory_estimates import frame_bytes, mesh_bytes, patch_bytes
+from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS, View
 
@@ -83,13 +92,13 @@ def make_moving_surface(
     scene: Scene,
     times: Sequence[float],
     tolerance: float | None,
-    tell: Tell,
+    tell: StepProgress,
     span: Span | None = None,
     most: int = 2**32,
     numbers: bool = False,
     strands: str = "yarns",
     sides: int | None = 0,
-    say: Say | None = None,
+    say: MessageCallback | None = None,
 ) -> MovingSurface:
     """Return a scene's surface at the first of the times, with its motion over all of them."""
     # With a single time, colours may be those of a scale with the ends `span`. With `numbers`, the
@@ -139,7 +148,7 @@ def make_moving_surface(
                 clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
                 short, more = None, 0.0
                 if large and len(targets):
-                    short, more = shortened(targets, normals, weights)
+                    short, more = quantise_targets(targets, normals, weights)
                 if error + more > tolerance:
                     short, more = None, 0.0
                 error += more
@@ -152,9 +161,9 @@ def make_moving_surface(
                     clips=[clip],
                     curves=seen.curves,
                     numbers=seen.numbers,
-                    short=short,
+                    quantised=short,
                     tolerance=tolerance,
-                    about={**still.about, **about, "frames": len(times)},
+                    metadata={**still.metadata, **about, "frames": len(times)},
                 )
             aim *= 0.5 * tolerance / error
     raise _tolerance_error(tolerance, 2.0 * error)
@@ -169,11 +178,11 @@ def make_mode_surface(
     _subdivide(scene, sides, say)
     _require_patches(scene, most)
     scene.assign("warp", "carried", "")  # modes have no velocity to interpolate
-    figures = modes(scene)["modes"]
+    figures = report_modes(scene)["modes"]
     tell(0, len(figures))
-    stage, solver = scene.deforming, scene.stage("solver")
+    stage, solver = scene.cage_stage, scene.stage("solver")
     assert solver is not None
-    cage = copied(solver.output)
+    cage = shallow_copy(solver.output)
     data, points = cage.GetPointData(), points_of(cage)
     names = [MODE_NAME.format(number) for number in range(len(figures))]
     shapes = np.array([array_of(data, name, "a mode's shape") for name in names])
@@ -199,7 +208,7 @@ def make_mode_surface(
         normal_targets=normals,
         target_names=labels,
         clips=clips,
-        about={**still.about, **about, "seconds_of_a_swing": _PERIOD},
+        metadata={**still.metadata, **about, "seconds_of_a_swing": _PERIOD},
     )
 
 
@@ -218,7 +227,7 @@ def _tolerance_error(tolerance: float, least: float) -> InputError:
 
 def _linear_stages(scene: Scene) -> list[Stage]:
     """Return stages on whose output the surface may depend linearly, the fastest first."""
-    return [scene.warp] if scene.stage("crimp") else [scene.deforming, scene.warp]
+    return [scene.warp] if scene.stage("crimp") else [scene.cage_stage, scene.warp]
 
 
 def _displacements(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> AnyFloats:
@@ -232,7 +241,7 @@ def _displacements(scene: Scene, stage: Stage, times: Sequence[float], tell: Tel
             kind = np.float64 if len(times) * now.size < 2**22 else np.float32
             # The targets that are made of it need memory too.
             size = (np.dtype(kind).itemsize + 4) * len(times) * now.size
-            require(size, f"the motion at {len(times)} times", cure="Take fewer of them.")
+            require_memory(size, f"the motion at {len(times)} times", cure="Take fewer of them.")
             found, first = np.empty((len(times), *now.shape), kind), now.astype(np.float64)
         np.subtract(now, first, out=found[number], casting="same_kind")
         tell(number + 1, 2 * len(times))
@@ -261,7 +270,7 @@ def _surface_targets(
     still: MovingSurface,
     rows: AnyInts,
     most: int,
-    say: Say,
+    say: MessageCallback,
     data: Any = None,
 ) -> tuple[Singles, Singles | None]:
     """Return displacements of surface and normals for a stage's shapes, by central differences."""
@@ -286,7 +295,7 @@ def _surface_targets(
     for number, shape in enumerate(shapes):
         ends = []
         for side in (1.0, -1.0):
-            moved = copied(data)
+            moved = shallow_copy(data)
             if stage.makes == "cage":
                 add_array(moved.GetPointData(), "displacement", at + side * shape)
             else:
@@ -347,9 +356,9 @@ def _points_and_normals(
     return points, np.where(lengths > 0.0, facing / np.maximum(lengths, 1e-30), _NOWHERE)
 
 
-def _subdivide(scene: Scene, sides: int, say: Say) -> None:
+def _subdivide(scene: Scene, sides: int, say: MessageCallback) -> None:
     """Set the subdivisions of patches as given, or as in the scene if the file permits."""
-    cloth = DrawnCloth.of(scene)
+    cloth = DrawnCloth.from_scene(scene)
     if cloth is not None and scene.stages[-1] is scene.surface:
         usual = scene.surface.sides
         chosen = sides or sides_in_file(cloth, usual)
@@ -364,7 +373,7 @@ def _subdivide(scene: Scene, sides: int, say: Say) -> None:
 
 def _require_patches(scene: Scene, most: int) -> None:
     """Raise an error if a weave would not fit into memory or a file, before it is made."""
-    cloth = DrawnCloth.of(scene)
+    cloth = DrawnCloth.from_scene(scene)
     if cloth is None or scene.stages[-1] is not scene.surface:
         return
     sides = scene.surface.sides
@@ -382,7 +391,7 @@ def _require_patches(scene: Scene, most: int) -> None:
 def _use_constant_colors(scene: Scene) -> None:
     """Replace colours that change with time by the scene's own colours, with a warning."""
     color = scene.view.color
-    if COLORINGS[color].numbers:
+    if COLORINGS[color].shows_numbers:
         scene.warn(f'colours of "{color}" change with time, which they cannot here: own ones stay')
         scene.assign("view", "color", "own")
 
@@ -448,7 +457,7 @@ def _make_still_surface(
         names,
         _initial_view(scene),
         _default_tolerance(scene),
-        about=about,
+        metadata=about,
     )
     return still, rows
 
@@ -489,7 +498,7 @@ def _parts_and_colors(
     if color in CLASSES and cells.GetArray(color) is not None:
         table = rgb_table(CLASSES[color])
         return names, parts, table[vtk_to_numpy(cells.GetArray(color)) % len(table)], False
-    if scene.painting is not None:
+    if scene.picture is not None:
         scene.warn("the picture that the object is painted with is not written")
     own = own_colors(surface)
     if own is None:

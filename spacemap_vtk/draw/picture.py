@@ -40,20 +40,20 @@ from spacemap_vtk.draw.offscreen import OffscreenWindow, open_offscreen
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import (
-    SAMPLES,
-    PictureRequest,
-    grain_of,
-    panels_of,
-    require_piece,
-    widths_of,
-)
+from spacemap_vtk.scenes.flat_picture import picture_size
 from spacemap_vtk.scenes.level_of_detail import (
+    DrawingMethod,
     DrawnCloth,
-    Form,
     LevelOfDetail,
     choose_level,
+)
+from spacemap_vtk.scenes.memory_estimates import (
+    SAMPLES,
+    PictureRequest,
+    panel_contents,
+    panel_widths,
+    require_piece,
+    supersampling,
 )
 from spacemap_vtk.scenes.scene import Scene
 
@@ -140,7 +140,7 @@ class Picture:
         self._place, self._bare, self._clear = place, bare, bare or clear
         self.scene = scene
         width, height = size or picture_size(scene)
-        panels = panels_of(scene, show)
+        panels = panel_contents(scene, show)
         self._request = PictureRequest((width, height), len(times), panels, wireframe)
         #: Level of detail of the yarns.
         self.level = choose_level(scene, self._request, opengl=opengl)
@@ -160,7 +160,7 @@ class Picture:
     def _choose_detail(self, room: Floats) -> None:
         """Choose the facets of yarns, or the sheet, by the size of yarns in the picture."""
         scene, panel = self.scene, self.panels[-1]
-        cloth = DrawnCloth.of(scene)
+        cloth = DrawnCloth.from_scene(scene)
         if cloth is None:
             return
         seen = CameraView.from_camera(panel.window.camera, panel.size)
@@ -282,8 +282,8 @@ class Picture:
         fabric, cage = panel != "cage", panel != "fabric"
         look = ViewOptions(fabric, cage, self._wireframe, scale=not self._bare)
         shaded = look.occlusion(view, self._span) > 0.0
-        block, samples = grain_of(panel, shaded, size)
-        if self.level.form is Form.SHADER:
+        block, samples = supersampling(panel, shaded, size)
+        if self.level.method is DrawingMethod.SHADER:
             block, samples = 1, SAMPLES  # the shader takes many samples in each pixel
         window = open_offscreen((size[0] * block, size[1] * block), samples, block)
         shown = SceneView(window.renderer, shades=True)
@@ -338,7 +338,7 @@ def choose_picture_facets(
     room: Floats,
 ) -> bool:
     """Set the facets of a scene for a picture of the points; return whether yarns are visible."""
-    cloth = DrawnCloth.of(scene)
+    cloth = DrawnCloth.from_scene(scene)
     if cloth is None:
         return False
     camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]

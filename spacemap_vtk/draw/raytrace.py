@@ -24,13 +24,13 @@ from spacemap_vtk.draw.detail.yarn_recorder import YarnRecorder
 from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Image, motion_extent
 from spacemap_vtk.errors import InputError, MissingLibraryError
-from spacemap_vtk.memory import require
-from spacemap_vtk.ndarrays import Bools, Floats, Tell
+from spacemap_vtk.memory import require_memory
+from spacemap_vtk.ndarrays import Bools, Floats, StepProgress
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.temporary_files import temporary_folder
 from spacemap_vtk.textile.geometry.strand_curves import StrandCurves, fibre_count
-from spacemap_vtk.vanishing import vanishing_folder
 
 #: Parameters of a view that ray tracing ignores.
 _DRAWN = [
@@ -139,7 +139,7 @@ def _visible_fibres(
     curves = yarns.strands(fibres, in_sight)
     if not len(curves.counts):
         raise InputError("none of the cloth is in sight", key="zoom", value=scene.view.zoom)
-    return curves, linear(yarns.colors)[curves.yarn]
+    return curves, to_linear_light(yarns.colors)[curves.yarn]
 
 
 def _trace(
@@ -148,7 +148,7 @@ def _trace(
     camera: vtkCamera,
     size: tuple[int, int],
     samples: int,
-    tell: Tell,
+    tell: StepProgress,
 ) -> Floats:
     """Return linear light and coverage of each pixel, (height, width, 4)."""
     import mitsuba as mi
@@ -158,7 +158,7 @@ def _trace(
     # The unit is a millimetre: the offset of new rays from a surface does not scale with the scene,
     # and would be too large in metres.
     scale = 1e3
-    with vanishing_folder() as folder:
+    with temporary_folder() as folder:
         shapes = _shapes(mi, curves, colors, scale, folder)
         world = mi.load_dict(
             {

@@ -66,7 +66,7 @@ class ViewOptions:
         """Return the strength of contact shadows; 0 without shadows."""
         # Shadows would change colours that show numbers, so that the scale has no such colours.
         wanted = view.shadows and self.fabric and not self.wireframe and span is None
-        return view.look.occlusion if wanted else 0.0
+        return view.resolved_style.occlusion if wanted else 0.0
 
 
 class SceneView:
@@ -135,7 +135,7 @@ class SceneView:
     def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
         """Set colours and sizes of a view; `pixels` are drawn per pixel of the picture."""
         self._size, self._point = size, point
-        below, above = view.look.below, view.look.above
+        below, above = view.resolved_style.bottom_color, view.resolved_style.top_color
         set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
         self.supports.GetProperty().SetColor(*(c / 255 for c in view.support_color))
@@ -286,7 +286,7 @@ class SceneView:
 
     def _show_ground(self, frame: Frame) -> None:
         wanted = self._view.ground and self._look.fabric
-        strength = self._view.look.shadow if wanted else 0.0
+        strength = self._view.resolved_style.shadow if wanted else 0.0
         self.ground.SetVisibility(strength > 0.0)
         if strength > 0.0:
             points, up = points_of(frame.surface), camera_up_axis(frame.camera)
@@ -313,7 +313,7 @@ class SceneView:
         self._set_representation(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
-        style, colors = self._view.look, (frame.color, self._view.object_color, self._span)
+        style, colors = self._view.resolved_style, (frame.color, self._view.object_color, self._span)
         # Outlines in the shader need round edges; other surfaces get lines of `OutlineActor` only.
         actor.show(frame.surface, *colors, frame.painting, style, self._point * frame.closed)
         # Back faces of closed yarns are hidden, but take as much time as front faces.

@@ -23,7 +23,7 @@ from spacemap_vtk.embedding.interpolation import (
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.memory import is_streamed
 from spacemap_vtk.ndarrays import AnyInts, Floats
-from spacemap_vtk.parallel import WORTHWHILE, blocks, loops
+from spacemap_vtk.parallel import MANY_POINTS, blocks, load_loops
 
 # Number of points in one block, for NumPy and for compiled loops. With NumPy, a block's part of the
 # tables of maps must stay in the cache, while calls stay few. Compiled loops only need blocks to

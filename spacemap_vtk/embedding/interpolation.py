@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.tetrahedra import shape_functions, shape_slopes
-from spacemap_vtk.memory import Recycler
+from spacemap_vtk.memory import ArrayPool
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.parallel import WORTHWHILE, blocks, for_each, loops
+from spacemap_vtk.parallel import MANY_POINTS, blocks, for_each, load_loops
 from spacemap_vtk.units import format_quantity
 
 _BLOCK = 2**17  # points in one block: its product stays in the cache until it is copied
@@ -49,7 +49,7 @@ class EmbeddedPoints:
     _blocks: Sequence[slice]
 
     def __init__(self, points: int, vertices: int) -> None:
-        self.point_count, self.vertex_count, self._recycler = points, vertices, Recycler()
+        self.point_count, self.vertex_count, self._recycler = points, vertices, ArrayPool()
 
     def _make_writer(
         self, table: Floats, out: Points, points: Points | None = None

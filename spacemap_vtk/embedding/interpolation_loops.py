@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.parallel import compiled
+from spacemap_vtk.parallel import compile_function
 from spacemap_vtk.simd import map_point, stream_line
 
 #: Number of points that `displace` writes at a time; they fill whole cache lines.
@@ -49,7 +49,7 @@ def apply_maps(
             out[point, column] = row[k] + row[k + 1] * x + row[k + 2] * y + row[k + 3] * z
 
 
-@compiled
+@compile_function
 def displace(
     maps: Floats,
     tetrahedron: NDArray[np.int32],

@@ -36,7 +36,7 @@ from vtkmodules.vtkCommonExecutionModel import (
 from spacemap_vtk import cancel
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.datasets.extent import mark_owner
-from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world
+from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world_size
 from spacemap_vtk.errors import SpacemapError, warn_user
 from spacemap_vtk.parameters import Parameterised
 
@@ -94,18 +94,18 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
 
     _executions: int
     _warnings: list[str]
-    _said: set[str]
+    _issued: set[str]
     _vtk_messages: list[str]
     _error: BaseException | None
     #: Identifier of the thread that is updating this stage.
     _updated_by: int | None = None
     #: Whether the stage was changed during its last run. VTK would consider that run up to date.
-    _is_late: bool = False
+    _changed_in_run: bool = False
     _piece: Piece = WHOLE
     _processes: Processes | None = None
-    _untold: BaseException | None = None
+    _deferred_error: BaseException | None = None
     #: Warnings about parameters that have no effect; None if they must be determined again.
-    _idle: list[str] | None = None
+    _unused_warnings: list[str] | None = None
 
     def __init__(self, **values: Any) -> None:
         VTKPythonAlgorithmBase.__init__(
@@ -113,18 +113,18 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         )
         self._executions = 0
         self._warnings = []
-        self._said = set()
+        self._issued = set()
         self._error = None
         self._vtk_messages = []
         # VTK would print these errors; `update` raises them. The observer refers to the list only.
-        observer = _collector(self._vtk_messages)
+        observer = _make_collector(self._vtk_messages)
         self.AddObserver("ErrorEvent", observer)
         executive = self.GetExecutive()
         executive.AddObserver("ErrorEvent", observer)
         # Python's garbage collector cannot see VTK's references. If only garbage refers to a stage,
         # it clears the stage's attributes, although a pipeline still uses the stage. An observer
         # holds the attributes where the collector does not look.
-        executive.AddObserver("NoEvent", partial(_hold, self.__dict__, observer))
+        executive.AddObserver("NoEvent", partial(_keep_alive, self.__dict__, observer))
         Parameterised.__init__(self, **values)
 
     if _GHOSTS_ARE_FRAGILE:
@@ -203,7 +203,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
             {step for info in inputs if _TIME_STEPS.Has(info) for step in info.Get(_TIME_STEPS)}
         )
 
-    def report(self, fraction: float, step: str = "") -> None:
+    def report_progress(self, fraction: float, step: str = "") -> None:
         """Report the progress of the run, and stop the run if an observer asks for it.
 
         Parameters
@@ -252,14 +252,14 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         """Answer a request of the executive; an exception is stored for `update`."""
         if self._updated_by is not None and self._error is not None:
             # It has already failed in this update, for another consumer.
-            return _refused(out_info)
+            return _refuse(out_info)
         try:
             if _DATA.Has(request):
                 self._request_data(in_info, out_info)
             elif _UPDATE_EXTENT.Has(request):
                 self._request_update_extent(in_info, out_info)
             elif _INFORMATION.Has(request):
-                self._untold = None
+                self._deferred_error = None
                 self._request_information(in_info, out_info)
             elif _DATA_OBJECT.Has(request):
                 self._request_data_object(in_info, out_info)
@@ -268,13 +268,13 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 error.section = self.section
                 parameter = self.parameters.get(error.key or "")
                 if isinstance(error.value, float) and parameter is not None and parameter.unit:
-                    error.value = parameter.show(error.value)  # with its unit
-            if world() > 1 and not _DATA.Has(request):
+                    error.value = parameter.format(error.value)  # with its unit
+            if world_size() > 1 and not _DATA.Has(request):
                 # The other processes would wait for this one for ever: raise it when all run.
-                self._untold = error
+                self._deferred_error = error
                 return 1
             self._error = error
-            return _refused(out_info)
+            return _refuse(out_info)
         return 1
 
     def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
@@ -309,7 +309,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         changed = self.GetMTime()
         info = out_info.GetInformationObject(0)
         self._piece = _piece_of(info)
-        self._processes = Processes.of(self._piece)
+        self._processes = Processes.for_piece(self._piece)
         # Until a time is requested there is none.
         time = UPDATE_TIME.Get(info) if UPDATE_TIME.Has(info) else 0.0
         inputs = [_OBJECT.Get(vector.GetInformationObject(0)) for vector in in_info]
@@ -325,8 +325,8 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 self._processes.fail(error)
                 raise
             self._warnings = self._processes.finish(self._warnings)
-            self._issue()  # also warnings of the other processes
-        self._is_late = self.GetMTime() != changed
+            self._issue_warnings()  # also warnings of the other processes
+        self._changed_in_run = self.GetMTime() != changed
         if _TIME_RANGE.Has(info):
             made = time if UPDATE_TIME.Has(info) else self._own_time(in_info)
             for key in (_DATA_TIME, UPDATE_TIME):  # VTK 9.4 needs both
@@ -343,34 +343,34 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
                 times.add(_DATA_TIME.Get(made) if _DATA_TIME.Has(made) else nan)
         return times.pop() if len(times) == 1 else nan
 
-    def _issue(self) -> None:
+    def _issue_warnings(self) -> None:
         """Issue each new warning once; an animation would repeat it with every frame."""
         for text in self._warnings:
-            if text not in self._said:
+            if text not in self._issued:
                 if self._processes is None or is_first():
-                    self._tell(text)
-                self._said.add(text)
+                    self._issue_warning(text)
+                self._issued.add(text)
 
-    def _tell(self, text: str) -> None:
+    def _issue_warning(self, text: str) -> None:
         """Issue a warning while the user's call is still on the stack. It may be raised."""
         warn_user(text)
 
     def _run(self, inputs: list[Any], output: Any, time: float) -> None:
-        if self._untold is not None:
-            raise self._untold
+        if self._deferred_error is not None:
+            raise self._deferred_error
         self._run_blocks(inputs, output, time)
-        if self._idle is None:
-            self._idle = [
+        if self._unused_warnings is None:
+            self._unused_warnings = [
                 f"{self.section}.{name} does not count: {why}; it does where "
-                f"{self.parameter(name).counts}"
-                for name, value in self.given.items()
+                f"{self.parameter(name).condition}"
+                for name, value in self.given_values.items()
                 # A parameter that is zero or off contradicts nothing.
-                if value and (why := self.idle(name))
+                if value and (why := self.disabled_by(name))
             ]
-        self._warnings += self._idle
-        if self.replicated and self._piece.of > 1:
+        self._warnings += self._unused_warnings
+        if self.replicated and self._piece.total > 1:
             mark_owner(output, self._piece)
-        self._issue()
+        self._issue_warnings()
 
     def _run_blocks(self, inputs: list[Any], output: Any, time: float) -> None:
         self.run(inputs, output, time)
@@ -378,7 +378,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def _request_update_extent(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         """Ask the stages above for the same piece with ghosts, or for all data where needed."""
         piece = _piece_of(out_info.GetInformationObject(0))
-        if piece.of == 1:
+        if piece.total == 1:
             return
         for port, vector in enumerate(in_info):
             for key, value in zip(PIECE, self.input_piece(port, piece), strict=True):
@@ -425,15 +425,15 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         return _piece_of(info) if PIECE[1].Has(info) else WHOLE
 
     def _parameter_changed(self) -> None:
-        self._idle = None
+        self._unused_warnings = None
         self.Modified()
 
 
-def _hold(*_: Any) -> None:
+def _keep_alive(*_: Any) -> None:
     """Do nothing; the values bound to this callback live as long as its observer."""
 
 
-def _refused(out_info: vtkInformationVector) -> int:
+def _refuse(out_info: vtkInformationVector) -> int:
     # Without this mark the next update would return the empty output as a valid one.
     out_info.GetInformationObject(0).Set(vtkDemandDrivenPipeline.DATA_NOT_GENERATED(), 1)
     return 0
@@ -446,7 +446,7 @@ def _piece_of(info: vtkInformation) -> Piece:
     return Piece(*(key.Get(info) for key in PIECE))
 
 
-def _collector(messages: list[str]) -> Callable[[Any, str, str], None]:
+def _make_collector(messages: list[str]) -> Callable[[Any, str, str], None]:
     """Return an observer that appends VTK's message to a list instead of printing it."""
 
     @calldata_type(VTK_STRING)

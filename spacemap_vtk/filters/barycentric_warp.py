@@ -25,7 +25,7 @@ from spacemap_vtk.datasets.arrays import (
     to_points,
 )
 from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET
-from spacemap_vtk.datasets.geometry_cache import Geometry
+from spacemap_vtk.datasets.geometry_snapshot import GeometrySnapshot
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import (
     QuadraticGradients,
@@ -37,10 +37,10 @@ from spacemap_vtk.embedding.interpolation import EmbeddedPoints, Interpolation
 from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
-from spacemap_vtk.filters.base import Provided, Stage
-from spacemap_vtk.memory import require
+from spacemap_vtk.filters.base import ProvidedArray, Stage
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
-from spacemap_vtk.parallel import WORTHWHILE, blocks, for_each
+from spacemap_vtk.parallel import MANY_POINTS, blocks, for_each
 from spacemap_vtk.parameters import Choice, Flag, Text
 from spacemap_vtk.units import format_quantity
 
@@ -77,7 +77,7 @@ class BarycentricWarp(Stage):
     role = "warp"
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
     takes = ("object", "cage")
-    provides: ClassVar = {"displacement": Provided("point", "m")}
+    provides: ClassVar = {"displacement": ProvidedArray("point", "m")}
     input_names = ("Input", "Cage")
     output_type = SAME_AS_INPUT
 
@@ -100,8 +100,8 @@ class BarycentricWarp(Stage):
         "tetrahedra are averaged at the vertices first.",
     )
 
-    _kept: _Ride | None = None
-    _feet: vtkPolyData | None = None
+    _embedding: _Embedding | None = None
+    _foot_points: vtkPolyData | None = None
     _color_array = ""
 
     @property
@@ -115,7 +115,7 @@ class BarycentricWarp(Stage):
             self._color_array = name
             self.Modified()
 
-    def _carried_arrays(self, cage: vtkUnstructuredGrid) -> list[str]:
+    def _carried_names(self, cage: vtkUnstructuredGrid) -> list[str]:
         """Return the names of the cage's arrays to interpolate, each once."""
         names, color = self.carried.replace(",", " ").split(), self._color_array
         data = cage.GetPointData(), cage.GetCellData()
@@ -125,29 +125,29 @@ class BarycentricWarp(Stage):
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Interpolate the displacement at each point and add it."""
-        if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
+        if self.piece.total > 1 and inputs[0].GetNumberOfPoints() == 0:
             output.ShallowCopy(inputs[0])  # this process has no points
             return
         points = self._points_in_cage(inputs[0])
-        prepared = self._prepared(points, inputs[1])
+        prepared = self._embed(points, inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
         moved, displacement = prepared.interpolation.displace(points_of(points), field)
         output.ShallowCopy(inputs[0])
         data = output.GetPointData()
         if points is not inputs[0]:
-            _stand(moved, array_of(data, OFFSET, "BarycentricWarp"), displacement, inputs[0])
+            _add_offsets(moved, array_of(data, OFFSET, "BarycentricWarp"), displacement, inputs[0])
             for name in (FOOT, OFFSET):
                 data.RemoveArray(name)
         output.SetPoints(to_points(moved))
         normals = data.GetNormals()
         if normals is not None:
-            turned = prepared.turned(vtk_to_numpy(normals), field)
+            turned = prepared.rotate_normals(vtk_to_numpy(normals), field)
             data.SetNormals(to_array(turned, normals.GetName()))
         if output.GetCellData().GetNormals() is not None:
-            _renew_cell_normals(output)
+            _update_cell_normals(output)
         add_array(data, "displacement", displacement)
-        for name in self._carried_arrays(inputs[1]):
-            values = self._at_vertices(inputs[1], prepared, name)
+        for name in self._carried_names(inputs[1]):
+            values = self._vertex_values(inputs[1], prepared, name)
             add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
 
     def _points_in_cage(self, points: vtkPointSet) -> vtkPointSet:
@@ -156,13 +156,13 @@ class BarycentricWarp(Stage):
         if feet is None or not points.GetPointData().HasArray(OFFSET):
             return points
         # Making points of the array marks it as changed, so this is done only once.
-        if self._feet is None or self._feet.GetPoints().GetData() is not feet:
-            self._feet, places = vtkPolyData(), vtkPoints()
+        if self._foot_points is None or self._foot_points.GetPoints().GetData() is not feet:
+            self._foot_points, places = vtkPolyData(), vtkPoints()
             places.SetData(feet)
-            self._feet.SetPoints(places)
-        return self._feet
+            self._foot_points.SetPoints(places)
+        return self._foot_points
 
-    def _at_vertices(self, cage: vtkUnstructuredGrid, prepared: _Ride, name: str) -> Floats:
+    def _vertex_values(self, cage: vtkUnstructuredGrid, prepared: _Embedding, name: str) -> Floats:
         at_points, of_cells = cage.GetPointData(), cage.GetCellData()
         if at_points.GetArray(name) is not None:
             values = vtk_to_numpy(at_points.GetArray(name))
@@ -184,9 +184,9 @@ class BarycentricWarp(Stage):
         table = values.reshape(len(values), -1).astype(np.float64, copy=False)
         return table if at_points.GetArray(name) is not None else prepared.averages @ table
 
-    def _prepared(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Ride:
-        kept = self._kept
-        if kept is None or not kept.serves((self.outside, self.smooth), points, cage):
+    def _embed(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Embedding:
+        kept = self._embedding
+        if kept is None or not kept.matches((self.outside, self.smooth), points, cage):
             vertices = points_of(cage).astype(np.float64, copy=False)
             elements = cells = elements_of(cage)
             if self.smooth and elements.shape[1] > 4:
@@ -199,17 +199,17 @@ class BarycentricWarp(Stage):
             riding = [
                 data.GetArray(name).GetNumberOfComponents()
                 for data in (cage.GetPointData(), cage.GetCellData())
-                for name in self._carried_arrays(cage)
+                for name in self._carried_names(cage)
                 if data.HasArray(name)
             ]
             single = points_of(points).dtype.itemsize == 4
-            require(
+            require_memory(
                 estimate_bytes(count, elements.shape[1], self.smooth, sum(riding), single),
                 f"to carry {count} points along",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
             # A linear tetrahedron has one map for all its points: many points need no weights.
-            affine = elements.shape[1] == 4 and not self.smooth and count > WORTHWHILE
+            affine = elements.shape[1] == 4 and not self.smooth and count > MANY_POINTS
             where = locate(points_of(points), vertices, corners, self.outside, weighted=not affine)
             note = ""
             if where.outside:
@@ -235,10 +235,10 @@ class BarycentricWarp(Stage):
                 ride = Interpolation(where, elements, len(vertices))
             if elements.shape[1] == 4:  # only gradients of quadratic cages need the weights
                 where = replace(where, weights=np.empty((0, 4)), is_outside=np.empty(0, np.bool_))
-            kept = self._kept = _Ride(
+            kept = self._embedding = _Embedding(
                 settings=(self.outside, self.smooth),
-                points=Geometry(points),
-                cage=Geometry(cage),
+                points=GeometrySnapshot(points),
+                cage=GeometrySnapshot(cage),
                 vertices=vertices,
                 cells=cells,
                 elements=elements,
@@ -285,12 +285,12 @@ def estimate_bytes(
 
 
 @dataclass
-class _Ride:
+class _Embedding:
     """Results that depend only on points and cage."""
 
     settings: tuple[str, bool]
-    points: Geometry
-    cage: Geometry
+    points: GeometrySnapshot
+    cage: GeometrySnapshot
     vertices: Floats
     cells: Ints
     elements: Ints
@@ -298,7 +298,7 @@ class _Ride:
     interpolation: EmbeddedPoints
     note: str
 
-    def serves(
+    def matches(
         self, settings: tuple[str, bool], points: vtkPointSet, cage: vtkUnstructuredGrid
     ) -> bool:
         return self.settings == settings and self.points.matches(points) and self.cage.matches(cage)
@@ -309,7 +309,7 @@ class _Ride:
         return vertex_averages(self.vertices, self.cells)
 
     @cached_property
-    def _slopes(self) -> Any:
+    def _gradients(self) -> Any:
         """Return an object for the gradients of the map, of each tetrahedron or at each point."""
         if hasattr(self.interpolation, "gradients"):
             return self.interpolation
@@ -317,18 +317,18 @@ class _Ride:
             return QuadraticGradients(self.location, self.vertices, self.elements)
         return AffineInterpolation(np.empty((0, 3)), self.location, self.vertices, self.elements)
 
-    def turned(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
+    def rotate_normals(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
         each: AnyInts = np.arange(len(normals))
         if isinstance(self._slopes, QuadraticGradients):
             gradients = self._slopes.compute(displacement)
         else:
-            gradients = self._slopes.gradients(displacement)
-            if isinstance(self._slopes, AffineInterpolation):
+            gradients = self._gradients.gradients(displacement)
+            if isinstance(self._gradients, AffineInterpolation):
                 each = self.location.tetrahedron
         return deform_normals(normals, cofactors(gradients), each)
 
 
-def _stand(
+def _add_offsets(
     moved: NDArray[Any], offset: NDArray[Any], displacement: NDArray[Any], rest: vtkPointSet
 ) -> None:
     """Add the offsets of points from their feet; compute displacements from the rest shape."""
@@ -341,7 +341,7 @@ def _stand(
     for_each(blocks(len(moved), _BLOCK), lambda: add)
 
 
-def _renew_cell_normals(output: vtkPointSet) -> None:
+def _update_cell_normals(output: vtkPointSet) -> None:
     """Recompute the normals of polygons; remove those of other cells, which would be stale."""
     cells = output.GetCellData()
     name = cells.GetNormals().GetName()

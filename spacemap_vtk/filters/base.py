@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 ROLES = ("source", "cage", "solver", "mover", "warp", "surface")
 
 #: Lock that a thread holds while it claims the stages of its update.
-_taking = threading.Lock()
+_claim_lock = threading.Lock()
 
 
-class Provided(NamedTuple):
+class ProvidedArray(NamedTuple):
     """Declaration of an array that a stage adds to its input."""
 
     association: Literal["point", "cell", "field"]
@@ -60,18 +60,18 @@ class Stage(Algorithm):
     #: Roles of stages that cannot be in the same scene as this one.
     excludes: ClassVar[tuple[str, ...]] = ()
     #: The arrays that it can add, by name. Those for the present parameters are `arrays`.
-    provides: ClassVar[Mapping[str, Provided]] = MappingProxyType({})
+    provides: ClassVar[Mapping[str, ProvidedArray]] = MappingProxyType({})
 
     #: Set by a stage further down that removes the artificial stretch of rotations; for one run.
-    turned: bool = False
+    rotation_removed: bool = False
     #: Number of connections that all stages have made so far, and that number when this stage was
     #: last found not to be part of a ring.
     _connections: ClassVar[int] = 0
-    _in_line: int = -1
+    _checked_connections: int = -1
     #: Time of the last change of this stage or one above it, when all were found to be connected.
-    _connected: int = -1
+    _connected_time: int = -1
     #: This stage and those above it at that time; some may have been deleted since.
-    _above: Sequence[weakref.ref[Stage]] = ()
+    _upstream: Sequence[weakref.ref[Stage]] = ()
 
     def SetInputConnection(self, *given: Any) -> None:
         """Connect an input, as VTK does."""
@@ -125,7 +125,7 @@ class Stage(Algorithm):
             place.GoToNextItem()
 
     @property
-    def arrays(self) -> dict[str, Provided]:
+    def arrays(self) -> dict[str, ProvidedArray]:
         """The arrays that the next run adds, by name."""
         return {
             name: array
@@ -192,20 +192,20 @@ class Stage(Algorithm):
                 "not a time", key="time", value=time, allowed="a finite number of seconds"
             )
         executive = self.GetExecutive()
-        if self._in_line != Stage._connections:
-            _visit(self, [], ())  # VTK would follow a ring until it crashes
-            self._in_line = Stage._connections
+        if self._checked_connections != Stage._connections:
+            _collect_upstream(self, [], ())  # VTK would follow a ring until it crashes
+            self._checked_connections = Stage._connections
         executive.UpdatePipelineMTime()  # the latest change of this stage or any above
         changed = executive.GetPipelineMTime()
-        stages = [stage for known in self._above if (stage := known()) is not None]
-        if changed != self._connected or len(stages) < len(self._above):
+        stages = [stage for known in self._upstream if (stage := known()) is not None]
+        if changed != self._connected_time or len(stages) < len(self._upstream):
             above = list(self.upstream())
             for each in above:
                 _check_connected(each)
             stages = [each for each in above if isinstance(each, Stage)]
-            self._connected, self._above = changed, [weakref.ref(stage) for stage in stages]
+            self._connected_time, self._upstream = changed, [weakref.ref(stage) for stage in stages]
         self._vtk_messages.clear()
-        taken = _take(stages)
+        taken = _claim(stages)
         # VTK's garbage collector scans the whole graph whenever Python deletes a wrapper. It can be
         # deferred in the main thread only; in another thread "Pop" would never return.
         deferred = threading.current_thread() is threading.main_thread()
@@ -263,7 +263,7 @@ class Stage(Algorithm):
         # Since 9.4 VTK connects `a >> b`. It connects a whole tuple to one port, which fails here.
         if not hasattr(vtkAlgorithm, "__rshift__"):
             return NotImplemented
-        if not _several(producers) or not producers:
+        if not _is_several(producers) or not producers:
             return super().__rrshift__(producers)
         from vtkmodules.util.execution_model import Pipeline, select_ports
 
@@ -281,11 +281,11 @@ class Stage(Algorithm):
             A stage or any other VTK algorithm.
         """
         seen: list[vtkAlgorithm] = []
-        _visit(self, seen, ())
+        _collect_upstream(self, seen, ())
         yield from reversed(seen)
 
 
-def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:
+def _collect_upstream(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:
     """Append a stage to `seen`, after all stages above it; refuse a ring."""
     if stage in below:
         name = type(stage).__name__
@@ -297,7 +297,7 @@ def _visit(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgori
         for port in range(stage.GetNumberOfInputPorts()):
             for index in range(stage.GetNumberOfInputConnections(port)):
                 above = stage.GetInputConnection(port, index).GetProducer()
-                _visit(above, seen, (*below, stage))
+                _collect_upstream(above, seen, (*below, stage))
         seen.append(stage)
 
 
@@ -336,7 +336,7 @@ def connect(*stages: Any) -> Any:
                 allowed="a vtkAlgorithm",
                 cure="Data come first, as in connect(data, stage).",
             )
-        inputs = before if _several(before) else (before,)
+        inputs = before if _is_several(before) else (before,)
         _require_ports(stage, len(inputs))
         for port, item in enumerate(inputs):
             if isinstance(item, vtkAlgorithm):
@@ -347,7 +347,7 @@ def connect(*stages: Any) -> Any:
     return stages[-1]
 
 
-def _several(inputs: Any) -> bool:
+def _is_several(inputs: Any) -> bool:
     """Return whether these are inputs for several ports; a MultiBlock is also a sequence."""
     return isinstance(inputs, Sequence) and not isinstance(inputs, (vtkDataObject, str))
 
@@ -372,7 +372,7 @@ def _require_ports(stage: vtkAlgorithm, count: int) -> None:
         )
 
 
-def written(file: Path | None) -> int:
+def modification_time(file: Path | None) -> int:
     """Return the time at which a file was last written.
 
     Parameters
@@ -388,10 +388,10 @@ def written(file: Path | None) -> int:
     return file.stat().st_mtime_ns if file is not None and os.path.isfile(file) else 0
 
 
-def _take(stages: Sequence[Stage]) -> list[Stage]:
+def _claim(stages: Sequence[Stage]) -> list[Stage]:
     """Claim stages for an update by this thread; return those that it had not claimed before."""
     own = threading.get_ident()
-    with _taking:
+    with _claim_lock:
         taken = [stage for stage in stages if stage._updated_by != own]
         for stage in taken:
             if stage._updated_by is not None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import array_of, masks_of
+from spacemap_vtk.datasets.arrays import array_of, mask_reader
 from spacemap_vtk.datasets.extent import up_axis
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.mechanics.boundary.fittings import (
     MASS_UNITS,
     SPRING_UNITS,
@@ -69,7 +69,7 @@ class RigidPlaces(Places):
     """Places that each move as one rigid body."""
 
     what, whole = RIGID_PLACE, True
-    form = ALLOWED + _SEVERAL
+    expected = ALLOWED + _SEVERAL
 
 
 class Springs(Places):
@@ -86,7 +86,7 @@ class Masses(Places):
     """Places with a mass."""
 
     what, units, whole = "mass", MASS_UNITS, True
-    form = f'{ALLOWED}, each with a mass, as in "sphere(0, 0, 0, 1 mm) 5 g"{_SEVERAL}'
+    expected = f'{ALLOWED}, each with a mass, as in "sphere(0, 0, 0, 1 mm) 5 g"{_SEVERAL}'
 
 
 class CageFittings(Parameterised):
@@ -128,11 +128,11 @@ class CageFittings(Parameterised):
         self, grid: vtkUnstructuredGrid, vertices: Floats, elements: Ints
     ) -> tuple[Bools, Fittings, list[str]]:
         """Return the fixed components (V, 3), the other fittings, and warnings."""
-        fixed, mask = self.fixed, masks_of(grid)
+        fixed, mask = self.fixed, mask_reader(grid)
         if fixed is None:
             axis = up_axis(grid)
             fixed = type(self).fixed.default if axis is None else (default_support(vertices, axis),)
-            self.in_use = {**self.in_use, "fixed": fixed}
+            self.automatic_values = {**self.automatic_values, "fixed": fixed}
         held, fittings = make_fittings(
             vertices, elements, fixed, self.rigid, self.springs, self.masses, mask
         )
@@ -152,7 +152,7 @@ class CageFittings(Parameterised):
 def _read_factors(grid: vtkUnstructuredGrid, key: str, name: str) -> Floats | None:
     if not name:
         return None
-    with naming(key):
+    with add_key_to_errors(key):
         values = array_of(grid.GetCellData(), name, "the cage")
         if values.shape != (grid.GetNumberOfCells(),):
             raise InputError(

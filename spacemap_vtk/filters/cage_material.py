@@ -167,7 +167,7 @@ class CageMaterial(Parameterised):
             "Tensile rigidity of a sheet, measured on a strip with free sides: force per width "
             "over strain.",
             unit="N/m",
-            trade="gf/cm",
+            trade_unit="gf/cm",
             above=0.0,
         ),
         automatic="Young's modulus times the cage's thickness; that of a measured fabric or of the "
@@ -181,7 +181,7 @@ class CageMaterial(Parameterised):
         "degree, gf/(cm.deg). That of a woven fabric is far less than follows from its tensile "
         "rigidity.",
         unit="N/m",
-        trade="gf/cm.deg",
+        trade_unit="gf/cm.deg",
         above=0.0,
         automatic="the shear modulus times the cage's thickness; that of a measured fabric or of "
         "the yarns; for an isotropic sheet from tensile_rigidity, if that is given",
@@ -203,7 +203,7 @@ class CageMaterial(Parameterised):
             "Bending rigidity of a sheet, measured on a strip with free sides: moment per width "
             "over curvature.",
             unit="N.m",
-            trade="gf.cm2/cm",
+            trade_unit="gf.cm2/cm",
             above=0.0,
         ),
         automatic="Young's modulus times the cube of the cage's thickness over 12; that of a "
@@ -217,7 +217,7 @@ class CageMaterial(Parameterised):
             "Peirce's bending length c, instead of bending_rigidity (c³ times the weight of a unit "
             "area). It is half the length of a strip that hangs over an edge at 41.5 degrees.",
             unit="m",
-            trade="cm",
+            trade_unit="cm",
             above=0.0,
             plausible=(1e-4, 0.5),
             usual_units="mm, cm",
@@ -232,7 +232,7 @@ class CageMaterial(Parameterised):
         "homogeneous sheet it is the geometric mean of both bending rigidities over 2 (1 + "
         "Poisson's ratio).",
         unit="N.m",
-        trade="gf.cm2/cm",
+        trade_unit="gf.cm2/cm",
         above=0.0,
         automatic="that of a measured fabric or of the yarns; otherwise, or if a bending rigidity "
         "is given, that of a homogeneous sheet",
@@ -243,7 +243,7 @@ class CageMaterial(Parameterised):
         None,
         "Mass per area of a sheet.",
         unit="kg/m2",
-        trade="oz/yd2",
+        trade_unit="oz/yd2",
         above=0.0,
         automatic="density times the cage's thickness, if density is given; otherwise that of a "
         f"measured fabric or of the weave, or {DENSITY:g} kg/m3 times the thickness",
@@ -317,7 +317,7 @@ class CageMaterial(Parameterised):
 
     def warnings_for_other_elements(self, sheet: bool) -> Iterator[str]:
         """Yield a warning for each given value that is for other elements than those in use."""
-        for name in self.given:
+        for name in self.given_values:
             if why := self.idle_as(name, sheet):
                 yield (
                     f"{self.section}.{name} has no effect: {why}; "
@@ -364,9 +364,9 @@ class CageMaterial(Parameterised):
         """Return the given constants by name; refuse those without effect, and contradictions."""
         # In the order of _CONSTANTS, so that the reported one does not depend on the order of
         # setting.
-        given = {key: self.given[key] for key in _CONSTANTS if key in self.given}
+        given = {key: self.given_values[key] for key in _CONSTANTS if key in self.given_values}
         for key, value in given.items():
-            if why := self.idle(key):
+            if why := self.disabled_by(key):
                 raise InputError(
                     f"the value has no effect: {why}",
                     key=key,
@@ -399,7 +399,7 @@ class CageMaterial(Parameterised):
                         allowed=self.parameter(key).allowed,
                     )
             return fabric_to_xyz(orthotropic(*(own[key] for key in _MODULI))), density
-        modulus = self.in_use.get("youngs_modulus", type(self).youngs_modulus.default)
+        modulus = self.automatic_values.get("youngs_modulus", type(self).youngs_modulus.default)
         if self.youngs_modulus is not None:
             modulus = self.youngs_modulus
         return isotropic(modulus, self.poissons_ratio), density
@@ -407,7 +407,7 @@ class CageMaterial(Parameterised):
     def choose_modulus(self, vertices: Floats, elements: Ints, up: int | None) -> None:
         """Set an automatic Young's modulus that suits an object of unknown size."""
         if self.youngs_modulus is not None or up is None:
-            self.in_use = {}
+            self.automatic_values = {}
             return
         # An object that stands or hangs deforms by ρ g H² / (2 E). The end of a level plate of
         # length L and thickness t sinks by 1.5 ρ g L⁴ / (E t²). The filled share of the box allows

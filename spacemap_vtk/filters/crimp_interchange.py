@@ -12,13 +12,13 @@ from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_arrays, cloth_of
-from spacemap_vtk.datasets.geometry_cache import Geometry
+from spacemap_vtk.datasets.geometry_snapshot import GeometrySnapshot
 from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.textile.crimp.crimp_geometry import CrimpGeometry
@@ -64,13 +64,13 @@ class CrimpInterchange(YarnParameters, Stage):
     inputs = ("vtkPointSet", "vtkUnstructuredGrid")
     takes = ("object", "cage")
     provides: ClassVar = {
-        FOOT: Provided("point", "m"),
-        OFFSET: Provided("point", "m"),
-        "crimp": Provided("cell"),
-        "yarn_strain": Provided("cell"),
-        "yarn_tension": Provided("cell", "N", {"inextensible": (False,)}),
-        "contact_force": Provided("cell", "N"),
-        "jammed": Provided("cell"),
+        FOOT: ProvidedArray("point", "m"),
+        OFFSET: ProvidedArray("point", "m"),
+        "crimp": ProvidedArray("cell"),
+        "yarn_strain": ProvidedArray("cell"),
+        "yarn_tension": ProvidedArray("cell", "N", {"inextensible": (False,)}),
+        "contact_force": ProvidedArray("cell", "N"),
+        "jammed": ProvidedArray("cell"),
     }
     input_names = ("Input", "Cage")
     output_type = SAME_AS_INPUT
@@ -85,7 +85,7 @@ class CrimpInterchange(YarnParameters, Stage):
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Compute the heights at the crossings and the axes through them."""
         output.ShallowCopy(inputs[0])
-        if self.piece.of > 1 and inputs[0].GetNumberOfPoints() == 0:
+        if self.piece.total > 1 and inputs[0].GetNumberOfPoints() == 0:
             return  # this process has no points
         lent = self._borrowed
         whole, part = lent or (self._crossings(*inputs), ALL_YARNS)
@@ -233,7 +233,7 @@ class CrimpInterchange(YarnParameters, Stage):
         if kept is not None and kept.settings == settings and kept.is_valid_for(weave, cage):
             return kept
         count = weave.GetNumberOfPoints()
-        require(
+        require_memory(
             estimate_bytes(count),
             f"crimp interchange of yarns with {count} control points",
             cure="Use fewer ends and picks, or remove [yarns].",
@@ -310,7 +310,7 @@ class _ClothCrossings:
         yarns: YarnMechanics,
         cage: vtkUnstructuredGrid,
     ) -> None:
-        self._settings, self._arrays, self._cage = settings, arrays, Geometry(cage)
+        self._settings, self._arrays, self._cage = settings, arrays, GeometrySnapshot(cage)
         self._interchange = Interchange(cloth, yarns)
         self._shape = 2, *cloth.drawdown.shape
         #: Crimp at rest, (2, picks, ends).

@@ -10,7 +10,7 @@ from typing import Any
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import vectors_of
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.toml import format_value, parse_toml
 from spacemap_vtk.mechanics.boundary import time_functions
@@ -80,9 +80,9 @@ class Numbers(Parameter[Any]):
         return format_value(tuple(float(f"{v:.6g}") for v in value))
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The components in words."""
-        return f"a list, each {self.component.form}"
+        return f"a list, each {self.component.expected}"
 
 
 class Load(Parameterised):
@@ -327,17 +327,17 @@ class Loads(Parameter[tuple[Load, ...]]):
                 )
         return tuple(loads)
 
-    def within(self, value: Any, folder: Path) -> Any:
+    def resolve_path(self, value: Any, folder: Path) -> Any:
         """Resolve the files of loads against a folder."""
         if isinstance(value, Mapping):
             return {
-                key: Load.parameters[key].within(v, folder) if key in Load.parameters else v
+                key: Load.parameters[key].resolve_path(v, folder) if key in Load.parameters else v
                 for key, v in value.items()
             }
-        return [self.within(v, folder) for v in value] if isinstance(value, list) else value
+        return [self.resolve_path(v, folder) for v in value] if isinstance(value, list) else value
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The keys of a load, in words."""
         others = {*ACTIONS.values(), *(Load.parameters.keys() if self.timed else ())}
         names = [name for name in Load.parameters if name in others - ACTIONS.keys()]
@@ -413,7 +413,7 @@ def load_vectors(
         try:
             if load.action == "array":
                 place, count = load.array, grid.GetNumberOfPoints()
-                with naming("loads.array"):
+                with add_key_to_errors("loads.array"):
                     value = vectors_of(grid.GetPointData(), place, count, "the loads")
             vectors.append(
                 modes.load_vector(load.action, value, load.function, place, load.follower)

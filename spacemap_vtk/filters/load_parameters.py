@@ -13,9 +13,9 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, add_number, array_of, vectors_of
 from spacemap_vtk.datasets.extent import up_axis
-from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_in
-from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Provided
+from spacemap_vtk.datasets.modal_model import GRAVITY_IN_FORCE, gravity_of
+from spacemap_vtk.errors import InputError, add_key_to_errors
+from spacemap_vtk.filters.base import ProvidedArray
 from spacemap_vtk.filters.load import Loads, load_vectors
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.boundary.time_functions import step
@@ -48,13 +48,13 @@ DEFAULT_ALPHA = 1.0
 DOWN = (0.0, 0.0, -GRAVITY)
 #: The arrays that `add_motion`, `add_stress` and `add_energies` write.
 MOTION_ARRAYS = {
-    "displacement": Provided("point", "m"),
-    "velocity": Provided("point", "m/s"),
-    "acceleration": Provided("point", "m/s2"),
-    "strain": Provided("cell", "", _STRESS),
-    "stress": Provided("cell", "Pa", _STRESS),
-    "von_mises": Provided("cell", "Pa", _STRESS),
-    **{name: Provided("field", "J", {"energy": (True,)}) for name in ENERGIES},
+    "displacement": ProvidedArray("point", "m"),
+    "velocity": ProvidedArray("point", "m/s"),
+    "acceleration": ProvidedArray("point", "m/s2"),
+    "strain": ProvidedArray("cell", "", _STRESS),
+    "stress": ProvidedArray("cell", "Pa", _STRESS),
+    "von_mises": ProvidedArray("cell", "Pa", _STRESS),
+    **{name: ProvidedArray("field", "J", {"energy": (True,)}) for name in ENERGIES},
 }
 #: alpha and beta have an effect only if no damping ratio is given.
 _RAYLEIGH = {"damping_ratio": (None,), "damping_pairs": (None,)}
@@ -69,7 +69,7 @@ class DampingPairs(Parameter[Any]):
 
     kind = "pairs"
     annotation = "sequence of 2 pairs of float"
-    form = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
+    expected = 'two pairs of frequency and ratio, as in [["10 Hz", 0.02], ["80 Hz", 0.03]]'
 
     def convert(self, value: Any) -> tuple[tuple[float, float], ...]:
         """Convert to two pairs of floats, the lower frequency first."""
@@ -103,7 +103,7 @@ class DampingRatio(Series):
         """Convert to a ratio, a tuple of ratios, or a file's path; the file is read when used."""
         return Path(value) if _is_file(value) else super().convert(value)
 
-    def within(self, value: Any, folder: Path) -> Any:
+    def resolve_path(self, value: Any, folder: Path) -> Any:
         """Join the folder and a file's path; return numbers unchanged."""
         return folder / value if _is_file(value) and not self.is_automatic(value) else value
 
@@ -228,9 +228,9 @@ class LoadParameters(Parameterised):
             error.key, error.value = ways[0], getattr(self, ways[0])
             raise
 
-    def idle(self, name: str) -> str:
+    def disabled_by(self, name: str) -> str:
         """Return why a parameter has no effect; empty if `damping` refuses it instead."""
-        return "" if self._contradicts(name) else super().idle(name)
+        return "" if self._contradicts(name) else super().disabled_by(name)
 
     def _contradicts(self, name: str) -> bool:
         # A value of zero contradicts nothing.
@@ -256,7 +256,7 @@ class LoadParameters(Parameterised):
             else:
                 gravity = DOWN if up is None else tuple((-GRAVITY * np.eye(3)[up] + 0.0).tolist())
             in_use["gravity"] = gravity
-        self.in_use = in_use
+        self.automatic_values = in_use
         return np.array(gravity)
 
     def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:
@@ -290,7 +290,7 @@ class LoadParameters(Parameterised):
     ) -> Floats:
         field = np.tile(np.array(everywhere, np.float64), (grid.GetNumberOfPoints(), 1))
         if array:
-            with naming(f"initial_{what}_array"):
+            with add_key_to_errors(f"initial_{what}_array"):
                 field += vectors_of(grid.GetPointData(), array, len(field), type(self).__name__)
         return field
 

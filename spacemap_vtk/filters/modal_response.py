@@ -13,7 +13,7 @@ from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.load_parameters import (
     MOTION_ARRAYS,
     LoadParameters,
@@ -69,7 +69,7 @@ class ModalResponse(LoadParameters, Stage):
     inputs = ("vtkUnstructuredGrid",)
     takes = ("cage",)
     makes = "cage"
-    provides: ClassVar = {**MOTION_ARRAYS, "modal_coordinates": Provided("field")}
+    provides: ClassVar = {**MOTION_ARRAYS, "modal_coordinates": ProvidedArray("field")}
 
     residual_vectors = Flag(
         True, "Add a residual vector for each load, which makes the static response exact."
@@ -134,7 +134,7 @@ class ModalResponse(LoadParameters, Stage):
                 "(RotationStrain), or lower the load"
             )
         model = modes.model
-        if not self.turned and (
+        if not self.rotation_removed and (
             text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface)
         ):
             self.warn(text)
@@ -192,7 +192,7 @@ def static_displacements(
         Share of each displacement that is rounding error, see `Model.statics`.
     """
     if processes is not None:
-        first = processes.from_first(lambda: list(static_displacements(model, forces)))
+        first = processes.make_in_first(lambda: list(static_displacements(model, forces)))
         return first[0], first[1]
     # Entries are for unit modulus, so that they serve every modulus: the displacement scales.
     keys = [f"static-{digest_of(model.digest, np.ascontiguousarray(f))}" for f in forces.T]

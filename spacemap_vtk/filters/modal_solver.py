@@ -17,9 +17,9 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
-from spacemap_vtk.datasets.modal_model import MODE_NAME, add_sheet, add_terms, attach
-from spacemap_vtk.errors import InputError, naming
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.datasets.modal_model import MODE_NAME, add_model, add_sheet, add_terms
+from spacemap_vtk.errors import InputError, add_key_to_errors
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
@@ -35,7 +35,7 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.oscillator import LOST
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -104,18 +104,18 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     takes = ("cage",)
     makes = "cage"
     provides: ClassVar = {
-        "fixed": Provided("point"),
-        "fixed_components": Provided("point"),
-        "rigid_body": Provided("point", "", {"rigid": ()}),
-        "spring_stiffness": Provided("point", "N/m", {"springs": ()}),
-        "point_mass": Provided("point", "kg", {"masses": ()}),
-        "stiffness_factor": Provided("cell", "", {"stiffness_factors": ()}),
-        "density_factor": Provided("cell", "", {"density_factors": ()}),
-        "nodal_mass": Provided("point", "kg"),
-        "equilibrium": Provided("point", "m"),
-        "eigenvalues": Provided("field", "1/s2"),
-        "frequencies": Provided("field", "Hz"),
-        "eigenvalue_rounding": Provided("field"),
+        "fixed": ProvidedArray("point"),
+        "fixed_components": ProvidedArray("point"),
+        "rigid_body": ProvidedArray("point", "", {"rigid": ()}),
+        "spring_stiffness": ProvidedArray("point", "N/m", {"springs": ()}),
+        "point_mass": ProvidedArray("point", "kg", {"masses": ()}),
+        "stiffness_factor": ProvidedArray("cell", "", {"stiffness_factors": ()}),
+        "density_factor": ProvidedArray("cell", "", {"density_factors": ()}),
+        "nodal_mass": ProvidedArray("point", "kg"),
+        "equilibrium": ProvidedArray("point", "m"),
+        "eigenvalues": ProvidedArray("field", "1/s2"),
+        "frequencies": ProvidedArray("field", "Hz"),
+        "eigenvalue_rounding": ProvidedArray("field"),
     }
 
     mass = Choice(
@@ -187,7 +187,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     @terms.setter
     def terms(self, recipes: Sequence[Mapping[str, Any]]) -> None:
         for number, recipe in enumerate(recipes):
-            with naming(f"terms[{number}]"):
+            with add_key_to_errors(f"terms[{number}]"):
                 energy_terms.check_recipe(recipe)
         try:
             found = tuple(json.loads(json.dumps([dict(recipe) for recipe in recipes])))
@@ -230,7 +230,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:
         """Assemble the matrices, solve, and attach the modes as point arrays."""
-        self.report(0.0)
+        self.report_progress(0.0)
         grid = inputs[0]
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         self.choose_modulus(vertices, elements, up_axis(grid))
@@ -261,7 +261,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
 
         output.ShallowCopy(grid)
-        attach(output, model, self.gravity)
+        add_model(output, model, self.gravity)
         add_terms(output, self._terms)
         if model.plate is not None:
             add_sheet(output, data_sheet(model.plate, mass))
@@ -330,7 +330,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         return self.hang and (any(self.gravity) or bool(self.dead_loads) or bool(self._terms))
 
     @property
-    def arrays(self) -> dict[str, Provided]:
+    def arrays(self) -> dict[str, ProvidedArray]:
         """The arrays that the next run adds, by name."""
         return {k: v for k, v in super().arrays.items() if self.is_hung or k != "equilibrium"}
 
@@ -352,7 +352,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         digest = digest_of(model.digest, load / model.modulus)
 
         def allow() -> None:
-            require(
+            require_memory(
                 model.estimate_bytes(layers),
                 f"the equilibrium of {model.pencil.size} degrees of freedom",
                 key="gravity",
@@ -362,7 +362,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
         def solve() -> list[Floats]:
             return load_or_solve_equilibrium(
-                model, load, lambda share: self.report(share, "hanging"), allow
+                model, load, lambda share: self.report_progress(share, "hanging"), allow
             )
 
         if self._last_equilibrium is None or self._last_equilibrium[0] != digest:
@@ -384,14 +384,14 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         from spacemap_vtk.mechanics.modal.eigen import estimate_bytes
 
         dof = model.pencil.size
-        require(
+        require_memory(
             estimate_bytes(dof, count, layers, model.pencil.surface is not None),
             f"solving {count} modes of {dof} degrees of freedom",
             key="modes",
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
-        return model.modes(count, lambda share: self.report(share, "modes"))
+        return model.modes(count, lambda share: self.report_progress(share, "modes"))
 
     def _load_or_solve_modes(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density, from memory, from disk or solved."""

@@ -17,10 +17,10 @@ from spacemap_vtk.datasets.arrays import (
     to_cells,
     to_points,
 )
-from spacemap_vtk.datasets.geometry_cache import Connectivity
-from spacemap_vtk.datasets.volume import Volume, tetrahedral
-from spacemap_vtk.errors import GeometryError, InputError, naming
-from spacemap_vtk.filters.base import Provided, Stage, written
+from spacemap_vtk.datasets.geometry_snapshot import ConnectivitySnapshot
+from spacemap_vtk.datasets.volume import Volume, split_into_tetrahedra
+from spacemap_vtk.errors import GeometryError, InputError, add_key_to_errors
+from spacemap_vtk.filters.base import ProvidedArray, Stage, modification_time
 from spacemap_vtk.io.series import MeshSeries, describe_motion_files, open_series
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import FilePath, Flag, Real, Text
@@ -51,7 +51,7 @@ class MotionReader(Stage):
     section = "motion"
     role = "mover"
     makes = "cage"
-    provides: ClassVar = {"displacement": Provided("point", "m")}
+    provides: ClassVar = {"displacement": ProvidedArray("point", "m")}
 
     file = FilePath(
         None,
@@ -73,7 +73,7 @@ class MotionReader(Stage):
     )
 
     _opened: tuple[Any, MeshSeries] | None = None
-    _first: tuple[Any, Volume, Connectivity, Floats] | None = None
+    _first: tuple[Any, Volume, ConnectivitySnapshot, Floats] | None = None
     _steps: dict[int, Floats]
 
     def __init__(self, **values: Any) -> None:
@@ -116,7 +116,7 @@ class MotionReader(Stage):
         state = self.file, written(self.file)
         if self._opened is None or self._opened[0] != state:
             self._first = None
-            with naming("file"):
+            with add_key_to_errors("file"):
                 self._opened = state, open_series(self.file)
         return self._opened[1]
 
@@ -124,14 +124,14 @@ class MotionReader(Stage):
         key = self.array, self.moving_points, self.scale
         if self._first is None or self._first[0] != key:
             self._steps.clear()
-            with naming("file"):
+            with add_key_to_errors("file"):
                 data = series.read(0)
-                volume = tetrahedral(data, str(series.file))
+                volume = split_into_tetrahedra(data, str(series.file))
             rest = self.scale * points_of(volume.grid)
             cells = tetrahedra_of(volume.grid)
             volume.grid.SetPoints(to_points(rest))
             volume.grid.SetCells(VTK_TETRA, to_cells(cells))
-            self._first = key, volume, Connectivity(data), rest
+            self._first = key, volume, ConnectivitySnapshot(data), rest
         return self._first[1]
 
     def _step_displacement(self, series: MeshSeries, step: int) -> Floats:

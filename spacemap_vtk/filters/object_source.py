@@ -17,16 +17,16 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk.datasets.arrays import add_array, points_of
-from spacemap_vtk.datasets.extent import UP, tell_bounds, upright
+from spacemap_vtk.datasets.extent import UP, guess_up_axis, store_bounds
 from spacemap_vtk.datasets.processes import Piece
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.algorithm import Inputs
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.io.reading import ReadObject, read_blocks, read_object
 from spacemap_vtk.parameters import Choice, FilePath, Real, Vector
 
 #: The files that were read, with time of change and size.
-_State = tuple[tuple[Path, int, int], ...]
+_FileStates = tuple[tuple[Path, int, int], ...]
 
 
 class ObjectSource(Stage):
@@ -52,7 +52,7 @@ class ObjectSource(Stage):
     section = "object"
     role = "source"
     output_type = "vtkPointSet"
-    provides: ClassVar = {UP: Provided("field")}
+    provides: ClassVar = {UP: ProvidedArray("field")}
 
     file = FilePath(None, "The mesh to read.", automatic="no file")
     texture = FilePath(
@@ -82,9 +82,9 @@ class ObjectSource(Stage):
         automatic="the one along which it stands broader below than above, else the longer one",
     )
 
-    _kept: tuple[_State, ReadObject] | None = None
-    _kind: tuple[_State, str] | None = None
-    _kept_piece: tuple[tuple[Any, ...], vtkPointSet] | None = None
+    _loaded: tuple[_FileStates, ReadObject] | None = None
+    _loaded_type: tuple[_FileStates, str] | None = None
+    _loaded_piece: tuple[tuple[Any, ...], vtkPointSet] | None = None
 
     def load(self) -> vtkPointSet:
         """Read the file; it is read again only if it changes.
@@ -102,15 +102,15 @@ class ObjectSource(Stage):
         if self.file is None:
             raise InputError("no file is named", key="file", allowed=type(self).file.allowed)
         if not os.path.isfile(self.file):
-            self._kept = None
-            with naming("file"):
+            self._loaded = None
+            with add_key_to_errors("file"):
                 read_blocks(self.file)  # raises the appropriate error
-        key = self._state()
-        if self._kept is None or self._kept[0] != key:
-            with naming("file"):
-                self._kept = key, read_object(self.file, self.texture)
-            self._kind = key, self._kept[1].data.GetClassName()
-        return self._kept[1].data
+        key = self._file_states()
+        if self._loaded is None or self._loaded[0] != key:
+            with add_key_to_errors("file"):
+                self._loaded = key, read_object(self.file, self.texture)
+            self._loaded_type = key, self._loaded[1].data.GetClassName()
+        return self._loaded[1].data
 
     def check(self) -> None:
         """Check that the file can be read."""
@@ -120,9 +120,9 @@ class ObjectSource(Stage):
     def picture(self) -> vtkImageData | None:
         """Picture for the object's texture coordinates; None if there is none."""
         self.load()
-        return self._kept[1].picture if self._kept else None
+        return self._loaded[1].picture if self._loaded else None
 
-    def _state(self) -> _State:
+    def _file_states(self) -> _FileStates:
         files = [
             file for file in (self.file, self.texture) if file is not None and os.path.isfile(file)
         ]
@@ -132,32 +132,32 @@ class ObjectSource(Stage):
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Scale, rotate and move the object."""
         piece = self.piece
-        if piece.of > 1:
+        if piece.total > 1:
             self._run_piece(output, piece)
             return
         self._place(self.load(), output)
-        for note in self._kept[1].notes if self._kept else []:
+        for note in self._loaded[1].notes if self._loaded else []:
             self.warn(note)
 
     def _run_piece(self, output: vtkPointSet, piece: Piece) -> None:
         """Keep only the requested piece of the object and release the rest."""
-        key = (*self.settings.values(), self._state(), piece)
-        if self._kept_piece is None or self._kept_piece[0] != key:
+        key = (*self.settings.values(), self._file_states(), piece)
+        if self._loaded_piece is None or self._loaded_piece[0] != key:
             whole = self.load().NewInstance()
             self._place(self.load(), whole)
-            part = _cut(whole, piece)
-            tell_bounds(part, whole.GetBounds())
+            part = _extract_piece(whole, piece)
+            store_bounds(part, whole.GetBounds())
             part.GetFieldData().AddArray(whole.GetFieldData().GetArray(UP))
-            for note in self._kept[1].notes if self._kept else []:
+            for note in self._loaded[1].notes if self._loaded else []:
                 self.warn(note)
-            self._kept = None
-            self._kept_piece = key, part
-        output.ShallowCopy(self._kept_piece[1])
+            self._loaded = None
+            self._loaded_piece = key, part
+        output.ShallowCopy(self._loaded_piece[1])
 
     def _place(self, data: vtkPointSet, output: vtkPointSet) -> None:
         self._move(data, output)
-        axis = upright(points_of(output)) if self.up is None else "xyz".index(self.up)
-        self.in_use = {"up": "xyz"[axis]}
+        axis = guess_up_axis(points_of(output)) if self.up is None else "xyz".index(self.up)
+        self.automatic_values = {"up": "xyz"[axis]}
         add_array(output.GetFieldData(), UP, np.eye(3)[axis])
 
     def _move(self, data: vtkPointSet, output: vtkPointSet) -> None:
@@ -184,10 +184,10 @@ class ObjectSource(Stage):
     def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         kind = "vtkPolyData"
         try:
-            if self.file is None or self._kind is None or self._kind[0] != self._state():
+            if self.file is None or self._loaded_type is None or self._loaded_type[0] != self._file_states():
                 self.load()
-            if self._kind is not None:
-                kind = self._kind[1]
+            if self._loaded_type is not None:
+                kind = self._loaded_type[1]
         except Exception:  # `run` raises the same error again, where it can be reported
             pass
         info = out_info.GetInformationObject(0)
@@ -197,7 +197,7 @@ class ObjectSource(Stage):
             info.Set(vtkDataObject.DATA_OBJECT(), new)
 
 
-def _cut(whole: vtkPointSet, piece: Piece) -> vtkPointSet:
+def _extract_piece(whole: vtkPointSet, piece: Piece) -> vtkPointSet:
     """Return a piece of a mesh. A mesh without cells is not divided; piece 0 gets all of it."""
     if whole.GetNumberOfCells() == 0:
         return whole if piece.number == 0 else whole.NewInstance()

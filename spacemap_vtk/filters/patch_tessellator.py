@@ -23,11 +23,11 @@ from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
 from spacemap_vtk.datasets.arrays import cells_of, points_of, to_array, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import PLACES, cloth_of
-from spacemap_vtk.datasets.geometry_cache import Connectivity
-from spacemap_vtk.datasets.surface_extract import Skin
+from spacemap_vtk.datasets.geometry_snapshot import ConnectivitySnapshot
+from spacemap_vtk.datasets.surface_extract import SurfaceExtractor
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parameters import Integer
 from spacemap_vtk.textile.geometry.plies import Strands
@@ -131,7 +131,7 @@ class PatchTessellator(Stage):
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
         grid = inputs[0]
-        if self.piece.of > 1 and grid.GetNumberOfPoints() == 0:
+        if self.piece.total > 1 and grid.GetNumberOfPoints() == 0:
             return  # this process has no points
         if isinstance(grid, vtkPolyData):
             output.ShallowCopy(grid)
@@ -139,7 +139,7 @@ class PatchTessellator(Stage):
             return
         if not _has_only_patches(grid):
             if self._skin is None:
-                self._skin = Skin()
+                self._skin = SurfaceExtractor()
             self._skin.extract(grid, self.sides, output)
             self._drop_ghosts(output)
             return
@@ -183,7 +183,7 @@ class PatchTessellator(Stage):
 
     def _drop_ghosts(self, output: vtkPolyData) -> None:
         """Remove the ghosts, which were needed only to find the outer faces of a piece."""
-        if self.piece.of > 1 and self.piece.ghosts == 0:
+        if self.piece.total > 1 and self.piece.ghosts == 0:
             output.RemoveGhostCells()
             for data in (output.GetCellData(), output.GetPointData()):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
@@ -332,7 +332,7 @@ class _PreparedPatches:
             estimate_bytes(int(count), int(each), columns)
             for each, count in zip(sides, counts, strict=True)
         )
-        require(
+        require_memory(
             need,
             "this surface",
             key="subdivisions",
@@ -341,7 +341,7 @@ class _PreparedPatches:
         )
         #: One number for each patch, or one for all.
         self.subdivisions = subdivisions
-        self.cells = Connectivity(grid)
+        self.cells = ConnectivitySnapshot(grid)
         if isinstance(subdivisions, int):
             self.groups = [_Group(patches, np.arange(len(patches)), subdivisions)]
         else:

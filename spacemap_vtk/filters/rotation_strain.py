@@ -8,11 +8,11 @@ import numpy as np
 from vtkmodules.vtkCommonCore import vtkInformationVector
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, masks_of, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, mask_reader, points_of
 from spacemap_vtk.datasets.modal_model import model_of
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.algorithm import Inputs
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import Supports
 from spacemap_vtk.mechanics.boundary.supports import held_components
 from spacemap_vtk.mechanics.elements.inversion import inversion_warning
@@ -61,8 +61,8 @@ class RotationStrain(Stage):
     takes = ("cage",)
     makes = "cage"
     provides: ClassVar = {
-        "displacement": Provided("point", "m"),
-        "linear_displacement": Provided("point", "m"),
+        "displacement": ProvidedArray("point", "m"),
+        "linear_displacement": ProvidedArray("point", "m"),
     }
 
     fixed = Supports(
@@ -182,7 +182,7 @@ class RotationStrain(Stage):
         key = tuple(part.GetMTime() for part in [*of_cage, *arrays, self] if part is not None)
         if self._kept is not None and self._kept[0] == key:
             return self._kept[1]
-        self.report(0.0)
+        self.report_progress(0.0)
         if known and self.fixed is None:
             model = model_of(grid)
             moved = 0.0 if model.displacement is None else model.displacement

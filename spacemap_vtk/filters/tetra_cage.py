@@ -26,7 +26,7 @@ from spacemap_vtk.cage.split import (
 )
 from spacemap_vtk.cage.tetwild import EPSILON, fill_surface, load_or_make
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_cells, to_points
-from spacemap_vtk.datasets.cloth_data import cloth_of, pass_cloth, set_patches
+from spacemap_vtk.datasets.cloth_data import cloth_of, copy_cloth, set_patches
 from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
 from spacemap_vtk.datasets.volume import tetrahedral
@@ -36,7 +36,7 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merge_blocks, read_blocks
 from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
@@ -152,13 +152,13 @@ class TetraCage(Stage):
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
-        self.in_use, self._filled_share = {}, 1.0
+        self.automatic_values, self._filled_share = {}, 1.0
         if self.method == "file":
             self._read_file(output)
         else:
             self._make_around(inputs[0], output)
         # A sheet may take its mass and stiffness from the weave inside.
-        pass_cloth(inputs[0], output)
+        copy_cloth(inputs[0], output)
         if (mass := inputs[0].GetFieldData().GetArray("areal_mass")) is not None:
             output.GetFieldData().AddArray(mass)
         if (up := inputs[0].GetFieldData().GetArray(UP)) is not None:
@@ -171,10 +171,10 @@ class TetraCage(Stage):
             raise GeometryError("there is nothing to enclose: the input has no points")
         # Asking the stages above for the whole object would also give the whole to their other
         # consumers. A cloth, however, is known from any of its pieces.
-        apart, wild = self.piece.of > 1 and self._processes is None, self.method == "tetwild"
+        apart, wild = self.piece.total > 1 and self._processes is None, self.method == "tetwild"
         by_yarns = apart and (self.inflate > 0.0 if wild else self.method == "carved")
         cloth = cloth_of(data) if by_yarns else None
-        if self.piece.of > 1 and cloth is None and (wild or (apart and self.method == "carved")):
+        if self.piece.total > 1 and cloth is None and (wild or (apart and self.method == "carved")):
             raise InputError(
                 f"a cage of this method needs the whole object, but this process has only piece "
                 f"{self.piece.number} of {self.piece.of}",
@@ -197,14 +197,14 @@ class TetraCage(Stage):
         bounds = np.array(pad_bounds(whole, self.padding)).reshape(3, 2)
         chosen = self.divisions or _cubic_divisions(bounds)
         if self.divisions is None:
-            self.in_use = {"divisions": chosen}
+            self.automatic_values = {"divisions": chosen}
         divisions = np.array(chosen)
         carved = self.method == "carved"
         if carved:  # add whole hexahedra for the margin
             step = (bounds[:, 1] - bounds[:, 0]) / divisions
             bounds += np.array([-1, 1]) * self.margin * step[:, None]
             divisions = divisions + 2 * self.margin
-        require(
+        require_memory(
             # Numbering the edges of quadratic tetrahedra takes more memory than the cage.
             round(estimate_bytes(divisions.tolist()) * (1.1 if self.order == 1 else 10.5)),
             "this cage",
@@ -265,7 +265,7 @@ class TetraCage(Stage):
                 value=self.inflate,
                 cure='Use an envelope, for example inflate = "1 mm", or method = "carved".',
             )
-        open_, crowded = edge_faults(triangles, points)
+        open_, crowded = count_edge_faults(triangles, points)
         kinds = (open_, "open"), (crowded, "branching")
         if faults := [f"{count} {kind} edges" for count, kind in kinds if count]:
             self.warn(
@@ -338,8 +338,8 @@ class TetraCage(Stage):
             raise InputError(
                 'method "file" needs a file', key="file", allowed=type(self).file.allowed
             )
-        with naming("file"):
-            volume = tetrahedral(merge_blocks(read_blocks(self.file), self.file), str(self.file))
+        with add_key_to_errors("file"):
+            volume = split_into_tetrahedra(merge_blocks(read_blocks(self.file), self.file), str(self.file))
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)

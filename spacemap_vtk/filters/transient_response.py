@@ -9,9 +9,9 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import masks_of
+from spacemap_vtk.datasets.arrays import mask_reader
 from spacemap_vtk.datasets.modal_model import ModesReader
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_fittings import Supports
 from spacemap_vtk.filters.load_parameters import (
@@ -221,9 +221,9 @@ class TransientResponse(LoadParameters, Stage):
             if vector.moves_base is None:
                 load += vector.function.value(0.0) * modes.vertex_forces(vector)
         if self.held:
-            with naming("held"):
-                held = held_components(model.points, self.held, masks_of(grid))
-                normals = held_directions(model.points, self.held, masks_of(grid))
+            with add_key_to_errors("held"):
+                held = held_components(model.points, self.held, mask_reader(grid))
+                normals = held_directions(model.points, self.held, mask_reader(grid))
             fittings = model.fittings
             if normals is not None:
                 both = normals if fittings.normals is None else normals + fittings.normals
@@ -240,7 +240,7 @@ class TransientResponse(LoadParameters, Stage):
                 model.terms,
             )
         found, _ = load_or_solve_equilibrium(
-            model, load, lambda share: self.report(share, "hanging")
+            model, load, lambda share: self.report_progress(share, "hanging")
         )
         return found if model.displacement is None else found + model.displacement
 

@@ -69,7 +69,7 @@ class Pattern(Parameter[Any]):
 
     kind = "pattern"
     annotation = "str or sequence of rows"
-    form = (
+    expected = (
         patterns.GRAMMAR
         + ', or a row of 0 and 1 for each pick, as in ["110", "011", "101"] (1: end over pick)'
     )
@@ -95,7 +95,7 @@ class YarnCount(Real):
         return parse_yarn_count(text)
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The systems of yarn counts, with examples."""
         return (
             'a yarn count as "30 tex", "150 den", "40 Ne" or "20 Nm" (also "Ne 30/2"; "20/2" and '
@@ -111,7 +111,7 @@ class Twist(Real):
         return parse_twist(text)
 
     @property
-    def form(self) -> str:
+    def expected(self) -> str:
         """The accepted spellings, with examples."""
         return (
             'turns per length and direction, as "600 Z" (per metre) or "15 /in S", at most '
@@ -126,7 +126,7 @@ class Twist(Real):
 class PerYarn(Series):
     """One value for all yarns of a family, or a list of values that is repeated over them."""
 
-    each = "repeated over the yarns"
+    list_meaning = "repeated over the yarns"
 
 
 def pattern_repeat(pattern: Any) -> Bools:

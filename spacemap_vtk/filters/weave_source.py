@@ -11,14 +11,14 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, add_number
 from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth, set_patches
-from spacemap_vtk.datasets.extent import tell_bounds
-from spacemap_vtk.errors import InputError, Remark
-from spacemap_vtk.filters.base import Provided, Stage, written
+from spacemap_vtk.datasets.extent import store_bounds
+from spacemap_vtk.errors import InfoMessage, InputError
+from spacemap_vtk.filters.base import ProvidedArray, Stage, modification_time
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.filters.weave_parameters import WeaveParameters, parameter_name, pattern_repeat
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.io.registry import describe_readers, unreadable_reason
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.geometry import weave
@@ -66,9 +66,9 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     section = "weave"
     role = "source"
     provides: ClassVar = {
-        "yarn": Provided("cell"),
-        "family": Provided("cell"),
-        "color": Provided("cell"),
+        "yarn": ProvidedArray("cell"),
+        "family": ProvidedArray("cell"),
+        "color": ProvidedArray("cell"),
     }
     seamless = True
 
@@ -91,7 +91,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                 source, asked = self.source, self.request
             except InputError as error:
                 if isinstance(error.value, float) and error.key in self.parameters:
-                    error.value = self.parameter(error.key).show(error.value)  # with its unit
+                    error.value = self.parameter(error.key).format(error.value)  # with its unit
                 raise
             ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
             self._require(_CROSSING_BYTES * ends * picks, ends, picks)
@@ -103,7 +103,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         """Upper limits for the numbers of control points and patches."""
         cloth = self.cloth if self._part is None else self._part[1]
         # A piece has its share of the yarns, and at most one yarn more.
-        pieces = min(self.piece.of, sum(cloth.size))
+        pieces = min(self.piece.total, sum(cloth.size))
         self._require(weave.estimate_bytes(cloth, self.single) // pieces, *cloth.size, pieces)
         return weave.estimate_counts(cloth)
 
@@ -220,7 +220,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     @property
     def _draft_state(self) -> tuple[Any, ...]:
         """The draft's file, when it was last written, and whether it is trimmed."""
-        return self.draft, written(self.draft), self.trim
+        return self.draft, modification_time(self.draft), self.trim
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Build the patches."""
@@ -232,7 +232,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             numbers = np.concatenate([numbers[: cloth.size[0]][ends], of_picks[picks]])
             cloth = made_of
         for text in cloth.warnings:
-            if not isinstance(text, Remark):
+            if not isinstance(text, InfoMessage):
                 self.warn(text)
         share = (
             select_piece(cloth, self.piece.number, self.piece.of)
@@ -274,7 +274,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         other.Modified()
 
     def _require(self, size: int, ends: int, picks: int, pieces: int = 1) -> None:
-        require(
+        require_memory(
             size,
             f"a weave of {ends} x {picks} yarns"
             + (f", each of its {pieces} pieces," if pieces > 1 else ""),

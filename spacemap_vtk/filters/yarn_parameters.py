@@ -20,7 +20,7 @@ _ELASTIC = {"inextensible": (False,)}
 class WarpAndWeft(Series):
     """One value for both directions of a fabric, or one for the warp and one for the weft."""
 
-    each = "for the warp and the weft"
+    list_meaning = "for the warp and the weft"
 
     def convert(self, value: Any) -> Any:
         """Convert to a checked value, or to a tuple of two."""
@@ -36,9 +36,9 @@ class WarpAndWeft(Series):
             return value
         return value, value
 
-    def tell(self, value: Any) -> str:
+    def format_figure(self, value: Any) -> str:
         """Format the figures of warp and weft, or one for both if they are equal."""
-        warp, weft = (self.component.tell(each) for each in self.pair(value) or ())
+        warp, weft = (self.component.format_figure(each) for each in self.pair(value) or ())
         return warp if warp == weft else f"warp {warp}, weft {weft}"
 
 

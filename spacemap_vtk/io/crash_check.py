@@ -21,7 +21,7 @@ from spacemap_vtk import cache, workers
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.file_references import file_references
 from spacemap_vtk.io.registry import damaged_error
-from spacemap_vtk.memory import available
+from spacemap_vtk.memory import available_bytes
 
 #: Seconds of processor time that any file may need.
 _MOST_SECONDS = 10
@@ -36,7 +36,7 @@ _checked: set[str] = set()
 def check_in_child(path: Path, function: str, *more: Any) -> None:
     """Call "module:name" with a path in another process; refuse a file that ends that process."""
     # ParaView runs VTK's readers itself, and its Python has no interpreter that can be started.
-    if workers.EXPENDABLE in os.environ or "paraview" in sys.modules:
+    if workers.WORKER_VARIABLE in os.environ or "paraview" in sys.modules:
         return
     try:
         str(path).encode()
@@ -51,8 +51,8 @@ def check_in_child(path: Path, function: str, *more: Any) -> None:
         return
     seconds = int(_MOST_SECONDS + _SECONDS_PER_BYTE * sum(size for _, size, *_ in states))
     with _lock:
-        answer = _run_in_child((function, path, more, seconds, available()))
-    if isinstance(answer, workers.EndedError):
+        answer = _run_in_child((function, path, more, seconds, available_bytes()))
+    if isinstance(answer, workers.WorkerEndedError):
         how = answer.message.partition("ended by ")[2]
         raise damaged_error(path, f"the file is damaged or too large: its reader ended by {how}")
     if isinstance(answer, InputError):
@@ -77,12 +77,12 @@ def _run_in_child(task: Any) -> Any:
     if _child is None:
         quiet = subprocess.DEVNULL  # hides what libraries print about damaged files
         try:
-            _child = workers.start(f"{__name__}:run_check", os.environ, stderr=quiet)
+            _child = workers.start_worker(f"{__name__}:run_check", os.environ, stderr=quiet)
         except OSError:  # no more processes are allowed: the file is read in this one only
             return None
     child = _child
     try:
-        answer, _child = workers.ask(child, task)
+        answer, _child = workers.run_task(child, task)
     except BaseException:  # Ctrl-C: a late answer would be taken for that of the next file
         child.kill()
         _stop_child()
@@ -96,7 +96,7 @@ def _run_in_child(task: Any) -> Any:
 def _stop_child() -> None:
     global _child
     if _child is not None:
-        workers.end(_child)
+        workers.end_worker(_child)
         _child = None
 
 
@@ -104,7 +104,7 @@ def run_check(task: tuple[str, Path, tuple[Any, ...], int, int | None]) -> None:
     """Read a file within limits of time and memory; runs in the child."""
     function, path, more, seconds, free = task
     _limit_resources(seconds, free)
-    workers.named(function)(path, *more)
+    workers.import_function(function)(path, *more)
 
 
 def _limit_resources(seconds: int, free: int | None) -> None:

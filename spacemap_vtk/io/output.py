@@ -27,7 +27,7 @@ from typing import Any
 
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import writers
-from spacemap_vtk.vanishing import undisturbed, vanishing_folder
+from spacemap_vtk.temporary_files import delay_signals, temporary_folder
 
 #: Number of bytes at a file's end that are read back to check it.
 _END_BYTES = 64
@@ -80,7 +80,7 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
     _require_file_or_nothing(path)
     try:
         # Permissions alone prove nothing: they allow root to write even where it cannot.
-        with vanishing_folder(path.parent):
+        with temporary_folder(path.parent):
             pass
     except OSError as error:
         why, cure = _DISK_ERRORS.get(error.errno or 0, ("it cannot be written to", _FOLDER_CURE))
@@ -120,13 +120,13 @@ def atomic_file(path: Path) -> Iterator[Path]:
 @contextmanager
 def atomic_files(path: Path) -> Iterator[Path]:
     """Yield a new folder; if the block ends without an error, its files move next to `path`."""
-    with explain_disk_errors(path), vanishing_folder(path.parent) as folder:
+    with explain_disk_errors(path), temporary_folder(path.parent) as folder:
         yield folder
         if not any(folder.iterdir()):
             raise SpacemapError(f"{path}: nothing was written")
         for each in folder.rglob("*"):
             _flush_to_disk(each)
-        with undisturbed():
+        with delay_signals():
             _move_files(folder, path)
             _flush_to_disk(path.parent)
 

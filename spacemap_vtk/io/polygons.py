@@ -10,8 +10,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals, vtkTriangleFilter
 
-from spacemap_vtk.datasets.arrays import points_of, take_arrays, to_points, to_ragged
-from spacemap_vtk.memory import require
+from spacemap_vtk.datasets.arrays import copy_rows, points_of, to_points, to_ragged
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools
 
 
@@ -32,8 +32,8 @@ def extract_polygons(data: vtkPolyData, chosen: Bools) -> vtkPolyData:
     result = vtkPolyData()
     result.SetPoints(to_points(points_of(data)[used]))
     result.SetPolys(to_ragged(offsets, local.ravel()))
-    take_arrays(data.GetPointData(), result.GetPointData(), used)
-    take_arrays(data.GetCellData(), result.GetCellData(), np.flatnonzero(chosen))
+    copy_rows(data.GetPointData(), result.GetPointData(), used)
+    copy_rows(data.GetCellData(), result.GetCellData(), np.flatnonzero(chosen))
     return result
 
 
@@ -66,7 +66,7 @@ def triangle_count(data: vtkPolyData) -> int:
 
 def require_writer_memory(data: vtkPolyData, size: int, ending: str) -> None:
     """Refuse polygons if writing them needs more memory than is free."""
-    require(
+    require_memory(
         size,
         f"to write {data.GetNumberOfCells()} polygons as {ending}",
         cure="Lower surface.subdivisions, or write a .vtp, which needs the least memory.",

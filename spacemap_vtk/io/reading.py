@@ -22,13 +22,13 @@ from vtkmodules.vtkCommonDataModel import (
 )
 from vtkmodules.vtkFiltersCore import vtkAppendFilter, vtkAppendPolyData
 
-from spacemap_vtk.datasets.arrays import add_array, copied, to_cells
-from spacemap_vtk.datasets.quiet import quiet_vtk
+from spacemap_vtk.datasets.arrays import add_array, shallow_copy, to_cells
+from spacemap_vtk.datasets.vtk_messages import raise_vtk_errors
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.crash_check import check_in_child
 from spacemap_vtk.io.texture_atlas import Material, TexturedMesh, apply_materials, read_picture
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 
 #: Bytes of one point made from an image or lattice, with one cell.
 _MADE = 12 + 8 * 8 + 9
@@ -94,7 +94,7 @@ def vtk_reader(path: Path, module: str, name: str) -> Any:
     check_in_child(path, f"{__name__}:read_with_vtk", module, name)
     # pyvista is not used: ParaView's Python does not have it, and it would refuse a file because of
     # a harmless message.
-    with quiet_vtk(path):
+    with raise_vtk_errors(path):
         reader = getattr(importlib.import_module(f"vtkmodules.{module}"), name)()
         reader.SetFileName(str(path))
         reader.Update()
@@ -117,10 +117,10 @@ def merge_blocks(data: Any, path: Path | str) -> vtkPointSet:
             block.AllocateExact(0, 0)  # no cells in a truncated file: appending it would crash
         _check_block(block, path)
         if not block.IsA("vtkPointSet"):  # an image or lattice, whose points are yet to be made
-            require(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
+            require_memory(_MADE * block.GetNumberOfPoints(), f"{path}: its points and cells")
     surfaces = all(block.IsA("vtkPolyData") for block in blocks)
     if len(blocks) > 1:
-        blocks = [copied(block) for block in blocks]
+        blocks = [shallow_copy(block) for block in blocks]
         for number, block in enumerate(blocks):
             values = np.full(block.GetNumberOfCells(), number, dtype=np.int32)
             add_array(block.GetCellData(), "block", values)

@@ -96,11 +96,11 @@ class Reader:
 
     def referenced_names(self, path: Path) -> list[str]:
         """Return the words by which a file names others; refuse names on other machines."""
-        from spacemap_vtk.parameters import require_near
+        from spacemap_vtk.parameters import require_local_file
 
         found = [] if self.names is None else self.names(path)
         for word in found:
-            require_near(word, path)
+            require_local_file(word, path)
         return found
 
 

@@ -15,8 +15,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet, vtkPointSet
 from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
 
-from spacemap_vtk.datasets.arrays import copied
-from spacemap_vtk.datasets.quiet import quiet_vtk
+from spacemap_vtk.datasets.arrays import shallow_copy
+from spacemap_vtk.datasets.vtk_messages import raise_vtk_errors
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.crash_check import check_in_child
@@ -73,7 +73,7 @@ class ReaderSeries(MeshSeries):
     def __init__(self, file: Path, reader: Any, prepare: Callable[[], None] | None = None) -> None:
         self._reader = reader
         check_in_child(file, f"{__name__}:open_series")
-        with quiet_vtk(file):
+        with raise_vtk_errors(file):
             reader.SetFileName(str(file))
             if not reader.CanReadFile(str(file)):
                 raise InputError(f"{file}: damaged, or of another format", key="file")
@@ -87,9 +87,9 @@ class ReaderSeries(MeshSeries):
 
     def read(self, step: int) -> vtkPointSet:
         check_in_child(self.file, f"{__name__}:read_step", step)
-        with quiet_vtk(self.file):
+        with raise_vtk_errors(self.file):
             self._reader.UpdateTimeStep(self.times[step])
-        return merge_blocks(copied(self._reader.GetOutputDataObject(0)), self.file)
+        return merge_blocks(shallow_copy(self._reader.GetOutputDataObject(0)), self.file)
 
 
 def describe_motion_files() -> str:

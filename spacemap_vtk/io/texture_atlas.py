@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 
-from spacemap_vtk.datasets.arrays import add_array, colors_in, to_array, to_image
-from spacemap_vtk.datasets.quiet import quiet_vtk
+from spacemap_vtk.datasets.arrays import add_array, color_array_name, to_array, to_image
+from spacemap_vtk.datasets.vtk_messages import raise_vtk_errors
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.memory import require
@@ -95,7 +95,7 @@ def _read_with_vtk(path: Path) -> Pixels:
     from vtkmodules.vtkIOImage import vtkImageReader2Factory
 
     # VTK's reader crashes on a truncated PNG, so it is used only where Pillow is missing.
-    with quiet_vtk(path):
+    with raise_vtk_errors(path):
         reader = vtkImageReader2Factory.CreateImageReader2(str(path))
         if reader is None:
             raise InputError(
@@ -128,7 +128,7 @@ def apply_materials(blocks: list[vtkPolyData], materials: list[Material]) -> vtk
     if not any(painted):
         # Colours of single points are more detailed than a material's colour, so they are kept.
         if any(m.color != (1.0, 1.0, 1.0) for m in materials) and not any(
-            colors_in(block.GetPointData()) for block in blocks
+            color_array_name(block.GetPointData()) for block in blocks
         ):
             for block, material in zip(blocks, materials, strict=True):
                 colors = np.tile(_color_bytes(material.color), (block.GetNumberOfCells(), 1))

@@ -222,12 +222,12 @@ def compute_data(scene: Scene, kind: str, time: float, span: Span | None = None)
         return make_moving_surface(scene, [time], None, lambda *_: None, span, sides=None)
     if kind in ("draft", "analysis"):  # a draft is valid even if its yarns do not fit
         return scene.data(kind)
-    from spacemap_vtk.datasets.arrays import copied
+    from spacemap_vtk.datasets.arrays import shallow_copy
 
     # A cage needs none of the stages after it.
     last = moved if kind == "patches" else scene.stages[-1]
-    scene.update_stage(scene.deforming if kind == "cage" else last, time)
-    data = copied(scene.data(kind))  # with a time, the pipeline would take its data for up to date
+    scene.update_stage(scene.cage_stage if kind == "cage" else last, time)
+    data = shallow_copy(scene.data(kind))  # with a time, the pipeline would take its data for up to date
     if scene.moves:
         data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats store it
     return data
@@ -259,7 +259,7 @@ def common_scale(scene: Scene, times: Sequence[float]) -> Span | None:
     """Return the ends of the colour scale that all files share; None if there is no scale."""
     from spacemap_vtk.scenes.colorings import COLORINGS
 
-    if not COLORINGS[scene.view.color].numbers:
+    if not COLORINGS[scene.view.color].shows_numbers:
         return None
     from spacemap_vtk.draw.picture import motion_extent
 

@@ -37,13 +37,13 @@ from spacemap_vtk.io.formats.pictures import add_record, write_png
 from spacemap_vtk.io.output import write_parts
 from spacemap_vtk.io.provenance import attach_record_at
 from spacemap_vtk.io.registry import Writer, reader_endings
-from spacemap_vtk.ndarrays import Tell
-from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.ndarrays import StepProgress
 from spacemap_vtk.scenes.level_of_detail import choose_level
-from spacemap_vtk.scenes.runs import paths_in
+from spacemap_vtk.scenes.memory_estimates import PictureRequest
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.vanishing import hidden, taken, vanishing
-from spacemap_vtk.workers import EndedError, in_processes, process_count
+from spacemap_vtk.scenes.sweep import paths_in
+from spacemap_vtk.temporary_files import hidden_path, temporary_path, try_lock
+from spacemap_vtk.workers import WorkerEndedError, process_count, run_in_processes
 
 #: Suffix of a film's name for the folder of its frames, and name of the file that identifies them.
 _FOLDER, _MARK = ".frames", "of.txt"
@@ -83,7 +83,7 @@ class FilmSettings:
     ) -> FilmSettings:
         """Return the settings of a film of a scene in its present state."""
         seen = size, tuple(panels), place, wireframe
-        return cls(scene.file, scene.settings, scene.given, tuple(times), *seen)
+        return cls(scene.file, scene.settings, scene.given_sections, tuple(times), *seen)
 
     @property
     def request(self) -> PictureRequest:
@@ -157,7 +157,7 @@ class FrameFolder:
             self.folder.mkdir(exist_ok=True)
             with ExitStack() as held:
                 try:
-                    there = taken(self.folder, held)
+                    there = try_lock(self.folder, held)
                 except BlockingIOError:
                     raise BusyError(
                         f"{self.output} is being made by another process, whose frames wait in "
@@ -206,7 +206,7 @@ class FrameFolder:
         if (self.folder / _MARK).is_file():
             # The folder is moved away first. Otherwise a process that is killed meanwhile would
             # leave frames that no film recognises.
-            with suppress(OSError), vanishing(hidden(self.folder.parent)) as gone:
+            with suppress(OSError), temporary_path(hidden_path(self.folder.parent)) as gone:
                 os.replace(self.folder, gone)
 
     def _is_complete(self, number: int) -> bool:
@@ -247,7 +247,7 @@ def _write_film(
     settings: FilmSettings,
     kept: FrameFolder,
     there: set[int],
-    tell: Tell,
+    tell: StepProgress,
     workers: int | None,
 ) -> None:
     steps = range(len(settings.times))
@@ -365,11 +365,11 @@ def _draw_in_processes(
     extent = motion_extent(scene, settings.times, sheet, choose)
     tasks = [(settings, kept, extent, number) for number in missing]
     drawn: set[int] = set()
-    with closing(in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
+    with closing(run_in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
         for number in missing:
             while number not in drawn:
                 task, answer = next(answers)
-                if isinstance(answer, EndedError):
+                if isinstance(answer, WorkerEndedError):
                     answer.cure = "The same command goes on; with fewer --workers, if need be."
                 if isinstance(answer, Exception):
                     raise answer

@@ -121,11 +121,11 @@ class Job(ABC):
         """Make the file from a scene, and return a sentence about it, or an empty text."""
         # By default the scene warns of what the format cannot store. Without `atomic` the caller
         # ensures that the output appears complete or not at all.
-        from spacemap_vtk.scenes.origin import record_of
+        from spacemap_vtk.scenes.scene_record import make_record
 
         times = self.decide_times(scene)
         asked = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
-        with attach_record(record_of(scene, asked, times.span)):
+        with attach_record(make_record(scene, asked, times.span)):
             return self.write(
                 Context(scene, times.values, progress, report_loss or scene.warn, atomic)
             )

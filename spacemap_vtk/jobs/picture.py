@@ -98,13 +98,13 @@ class PictureJob(Job):
 
     def _draw(self, context: Context) -> Image:
         from spacemap_vtk.draw.picture import Picture
-        from spacemap_vtk.scenes import face
+        from spacemap_vtk.scenes import flat_picture
 
         scene, time = context.scene, context.times[0]
-        size = self.size or face.picture_size(scene)
+        size = self.size or flat_picture.picture_size(scene)
         fill_background(self.output, "picture", scene)
         if self.place is None:
-            face.draw_beginning(scene, size)
+            flat_picture.limit_to_beginning(scene, size)
         if self.samples:
             raytraced: Callable[..., Image] = extensions.load("renderers", "raytrace")
             return raytraced(scene, time, size, self.samples, context.progress)

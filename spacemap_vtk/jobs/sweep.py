@@ -21,7 +21,7 @@ import numpy as np
 
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.draw.figure.contact_sheet import contact_sheet
-from spacemap_vtk.errors import InputError, SpacemapWarning, one_line
+from spacemap_vtk.errors import InputError, SpacemapWarning, format_error
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import (
     atomic_file,
@@ -33,26 +33,26 @@ from spacemap_vtk.io.output import (
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs.picture import PictureJob
 from spacemap_vtk.mechanics.linalg import blas_threads
-from spacemap_vtk.ndarrays import Tell
-from spacemap_vtk.scenes import anatomy, report
+from spacemap_vtk.ndarrays import StepProgress
+from spacemap_vtk.scenes import object_report, report
 from spacemap_vtk.scenes.assignments import ValueList
 from spacemap_vtk.scenes.figure_list import (
     Figure,
-    body_figures,
     cloth_figures,
-    hung_figures,
-    in_table,
+    equilibrium_figures,
+    format_for_table,
+    heading_with_unit,
     mode_figures,
     motion_figures,
+    object_figures,
     textile_figures,
-    with_unit,
     yarn_figures,
 )
-from spacemap_vtk.scenes.runs import Run, Sweep
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.sweep import Run, Sweep
+from spacemap_vtk.temporary_files import temporary_folder
 from spacemap_vtk.units import format_quantity
-from spacemap_vtk.vanishing import vanishing_folder
-from spacemap_vtk.workers import in_processes, on_cluster, process_count
+from spacemap_vtk.workers import process_count, run_in_processes, run_on_cluster
 
 #: Files in the folder besides those of the runs.
 TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
@@ -91,7 +91,7 @@ def execute_run(run: Run) -> RunResult:
             result.pictures = [_draw_picture(scene, t) for t in run.times or [scene.view.time]]
             result.warnings = scene.warnings
         except Exception as error:  # reported in the row of this run
-            result.error = one_line(error)
+            result.error = format_error(error)
     result.seconds = perf_counter() - begin
     return result
 
@@ -99,7 +99,7 @@ def execute_run(run: Run) -> RunResult:
 def _compute_figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
     """Yield the figures that `info` and `modes` show, and the largest displacement at each time."""
     if scene.woven is not None:
-        found = report.fabric(scene, asked[0] if asked and scene.moves else None)
+        found = report.report_fabric(scene, asked[0] if asked and scene.moves else None)
         for warp, weft in yarn_figures(found):
             yield warp
             yield weft
@@ -108,15 +108,15 @@ def _compute_figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
     else:
         if scene.textile is not None:
             yield from textile_figures(scene.textile)
-        yield from body_figures(anatomy.body(scene))
+        yield from object_figures(object_report.report_object(scene))
     if scene.stage("solver") is not None:
-        modes = report.modes(scene)
+        modes = report.report_modes(scene)
         yield from mode_figures(modes)
-        yield from hung_figures(modes["hung"])
+        yield from equilibrium_figures(modes["hung"])
     if scene.moves:
         times = asked or [scene.view.time]
         for time in times:
-            scene.update_stage(scene.deforming, time)
+            scene.update_stage(scene.cage_stage, time)
             moved = array_of(scene.deformed_cage.GetPointData(), "displacement", "the cage")
             far = float(np.sqrt((moved.astype(float) ** 2).sum(axis=1).max()))
             key = "largest displacement"
@@ -135,7 +135,7 @@ def _draw_picture(scene: Scene, time: float) -> bytes:
 def execute_sweep(
     sweep: Sweep,
     folder: Path,
-    tell: Tell = lambda done, of: None,
+    tell: StepProgress = lambda done, of: None,
     *,
     workers: int | None = None,
     cluster: str = "",
@@ -160,7 +160,7 @@ def execute_sweep(
     answers = (
         on_cluster(cluster, execute_run, waiting)
         if cluster
-        else in_processes(function, waiting, count)
+        else run_in_processes(function, waiting, count)
     )
     written = perf_counter()
     try:
@@ -202,7 +202,7 @@ def picture_paths(folder: Path, run: Run) -> list[Path]:
 def table_rows(sweep: Sweep, found: Mapping[str, RunResult]) -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the table: values, figures, duration and error of each run."""
     figures = dict.fromkeys(name for run in found.values() for name in run.figures)
-    keys = [with_unit(each.name, each.parameter.unit) for each in sweep.axes]
+    keys = [heading_with_unit(each.name, each.parameter.unit) for each in sweep.axes]
     rows = []
     for run in sweep.runs:
         result = found.get(run.name, RunResult(error="not run"))
@@ -221,7 +221,7 @@ def table_csv(sweep: Sweep, found: Mapping[str, RunResult]) -> str:
 def _format_value(each: ValueList, value: Any) -> str:
     checked = each.parameter.check(value)
     number = isinstance(checked, (int, float)) and not isinstance(checked, bool)
-    return in_table(checked, each.parameter.unit) if number else each.label(value)
+    return format_for_table(checked, each.parameter.unit) if number else each.label(value)
 
 
 def _check_folder(folder: Path, sweep: Sweep) -> set[str]:
@@ -267,7 +267,7 @@ def _write_run(folder: Path, run: Run, result: RunResult) -> None:
         for path, content in zip(picture_paths(place, run), result.pictures, strict=False):
             write_parts(path, [content])
         comment = f"Of a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
-        scene = format_scene(run.whole, comment)
+        scene = format_scene(run.scene_values, comment)
         write_parts(place / f"{run.name}.toml", [scene.encode()])
         told = {"digest": run.digest, **asdict(replace(result, pictures=[]))}
         text = json.dumps(told, indent=1, ensure_ascii=False)

@@ -20,7 +20,7 @@ from typing import Any
 from spacemap_vtk.errors import SpacemapError, SpacemapWarning
 from spacemap_vtk.io.output import explain_disk_errors
 from spacemap_vtk.jobs.job import Job, job_from_json
-from spacemap_vtk.vanishing import ended_by_exceptions
+from spacemap_vtk.temporary_files import raise_on_signals
 
 #: Added to the process's niceness, so that the window stays responsive.
 _NICENESS = 5
@@ -53,7 +53,7 @@ def main() -> None:
         job = job_from_json(asked["job"], Path(asked["output"]))
         scene = Scene(asked["values"], Path(asked["base"]))
         # Errors name the output file only, because the user does not know the hidden folder.
-        with ended_by_exceptions(), explain_disk_errors(job.output, job.output.name):
+        with raise_on_signals(), explain_disk_errors(job.output, job.output.name):
             if job.kind != "draft":  # a draft is valid even if its yarns do not fit
                 scene.check()
             result = job.run(

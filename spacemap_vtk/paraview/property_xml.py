@@ -31,7 +31,7 @@ from spacemap_vtk.parameters import (
     Vector,
 )
 from spacemap_vtk.parameters import Text as PlainText
-from spacemap_vtk.units import pretty
+from spacemap_vtk.units import typeset_units
 
 #: Widest range of a slider; a wider one could not be used, and gets a field.
 _WIDEST_SLIDER = 1000.0
@@ -169,7 +169,7 @@ def _format_text(parameter: Parameter[Any], value: Any) -> str:
     """Return a value as a user would write it, without quotes if it needs none."""
     if value in _EMPTY:
         return ""
-    shown = parameter.show(value)
+    shown = parameter.format(value)
     bare = shown[1:-1] if len(shown) > 1 and shown[0] == shown[-1] == '"' else shown
     # The shown value may be rounded; as JSON it is exact.
     for text in (bare, shown, json.dumps(value, default=str)):

@@ -43,8 +43,8 @@ class SceneReader(Stage):
         """The scene; it is read again if the file has changed."""
         # Imported here, because there is no tomllib where ParaView brings Python 3.10; everything
         # except scenes works there.
-        from spacemap_vtk.scenes.origin import elsewhere
         from spacemap_vtk.scenes.scene import Scene
+        from spacemap_vtk.scenes.scene_record import describe_outside_files
 
         if self.file is None:
             raise InputError("no scene file is given", key="file", cure="Choose a .toml file.")

@@ -25,7 +25,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkDemandDrivenPipeline
 import spacemap_vtk
 from spacemap_vtk import extensions
 from spacemap_vtk.cancel import Cancelled
-from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of, copied
+from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of, shallow_copy
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.algorithm import Inputs
@@ -72,7 +72,7 @@ class ParaViewStage(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
                 for kind in (vtkDataObject.POINT, vtkDataObject.CELL):
                     if block.GetAttributes(kind).HasArray("color"):
                         block.GetAttributes(kind).SetActiveScalars("color")
-            self._last = copied(output)
+            self._last = shallow_copy(output)
         return done
 
     def _tell(self, text: str) -> None:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError, UnknownNameError, naming_section
+from spacemap_vtk.errors import InputError, UnknownNameError, add_section_to_errors
 from spacemap_vtk.io.formats import toml
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, suggestion
 
 #: Values from one end to the other, inclusive: evenly spaced, or in a constant ratio.
 _SPACED = re.compile(r"\s*(linspace|geomspace)\((.*)\)\s*", re.DOTALL)
-_MOST = 1000
+_MAX_COUNT = 1000
 _OPENING, _CLOSING = "([{", ")]}"
 
 
@@ -48,7 +48,7 @@ class ValueList:
         return text if len(text) <= 40 else text[:39] + "…"
 
 
-def parsed(assignment: str) -> tuple[str, str, str]:
+def split_assignment(assignment: str) -> tuple[str, str, str]:
     """Split ``section.key=value`` into section, key and value."""
     target, equals, text = assignment.partition("=")
     section, dot, key = target.strip().partition(".")
@@ -59,7 +59,7 @@ def parsed(assignment: str) -> tuple[str, str, str]:
     return section, key, text
 
 
-def value_of(text: str) -> Any:
+def parse_value(text: str) -> Any:
     """Parse a value as in a scene file; quotes may be left out."""
     try:
         return toml.parse_toml(f"value = {text}")["value"]
@@ -67,7 +67,7 @@ def value_of(text: str) -> Any:
         return text.strip()
 
 
-def part_of(parts: Mapping[str, Parameterised], section: str) -> Parameterised:
+def require_part(parts: Mapping[str, Parameterised], section: str) -> Parameterised:
     """Return the object that a section configures; refuse an unknown section."""
     if section not in parts:
         raise UnknownNameError(
@@ -79,13 +79,13 @@ def part_of(parts: Mapping[str, Parameterised], section: str) -> Parameterised:
     return parts[section]
 
 
-def swept(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
+def parse_value_list(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
     """Parse ``section.key=value,value`` and check each value."""
-    section, key, text = parsed(assignment)
-    part = part_of(parts, section)
-    with naming_section(section):
+    section, key, text = split_assignment(assignment)
+    part = require_part(parts, section)
+    with add_section_to_errors(section):
         parameter = part.parameter(key)
-        words = list(_split(text))
+        words = list(_split_at_commas(text))
         if "" in words and len(words) > 1:
             raise InputError(
                 "a value is missing between commas",
@@ -93,16 +93,16 @@ def swept(assignment: str, parts: Mapping[str, Parameterised]) -> ValueList:
                 value=text,
                 cure="Quote a value that has commas of its own.",
             )
-        values = [value for word in words for value in _values(word, parameter)]
+        values = [value for word in words for value in _expand(word, parameter)]
         if len(values) == 1 and isinstance(values[0], list) and values[0]:
-            values = _whole_or_items(values[0], parameter)
+            values = _list_or_items(values[0], parameter)
         for value in values:
             parameter.require_plausible(value)
             parameter.check(value)
     return ValueList(section, key, tuple(values), parameter)
 
 
-def _split(text: str) -> Iterator[str]:
+def _split_at_commas(text: str) -> Iterator[str]:
     """Yield the texts between commas that are outside brackets and quotes."""
     depth, quote, start = 0, "", 0
     for place, letter in enumerate(text):
@@ -121,27 +121,27 @@ def _split(text: str) -> Iterator[str]:
     yield text[start:].strip()
 
 
-def _values(word: str, parameter: Parameter[Any]) -> list[Any]:
+def _expand(word: str, parameter: Parameter[Any]) -> list[Any]:
     """Return the value of a word, or the values of a linspace or geomspace."""
     match = _SPACED.fullmatch(word)
     if match is None:
-        return [value_of(word)]
+        return [parse_value(word)]
     number = getattr(parameter, "component", parameter)
     ends = [part.strip() for part in match[2].split(",")]
     refused = InputError(
         "no values between two ends",
         key=parameter.name,
         value=word,
-        allowed=f"{match[1]}(first, last, count) of a number, with a count from 2 to {_MOST}",
+        allowed=f"{match[1]}(first, last, count) of a number, with a count from 2 to {_MAX_COUNT}",
     )
     if not isinstance(number, Real) or len(ends) != 3 or not re.fullmatch(r"\d{1,9}", ends[2]):
         raise refused
     count = int(ends[2])
-    first, last = (Real(None, "", unit=number.unit).check(value_of(end)) for end in ends[:2])
+    first, last = (Real(None, "", unit=number.unit).check(parse_value(end)) for end in ends[:2])
     for end in ends[:2]:
-        number.require_plausible(value_of(end))
+        number.require_plausible(parse_value(end))
     even = match[1] == "linspace"
-    if not 2 <= count <= _MOST or not (even or first * last > 0):
+    if not 2 <= count <= _MAX_COUNT or not (even or first * last > 0):
         raise refused
     found = (np.linspace if even else np.geomspace)(first, last, count)
     # Round as people would write the values: the last digits are rounding errors.
@@ -156,7 +156,7 @@ def _with_unit(value: float, parameter: Real) -> Any:
     return f"{value!r} {parameter.unit}"
 
 
-def _whole_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
+def _list_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
     """Return a list as one value if the parameter accepts it, otherwise its items."""
 
     def taken(value: Any) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from spacemap_vtk.units import pretty
+from spacemap_vtk.units import typeset_units
 
 
 class Coloring(NamedTuple):
@@ -21,17 +21,17 @@ class Coloring(NamedTuple):
     #: Array that it shows or depends on; a stage must provide it.
     array: str = ""
     #: Whether the array has numbers that are shown on a scale.
-    scaled: bool = False
+    has_scale: bool = False
 
     @property
-    def words(self) -> str:
+    def title(self) -> str:
         """The label with its unit."""
-        return f"{self.label} [{pretty(self.unit)}]" if self.unit else self.label
+        return f"{self.label} [{typeset_units(self.unit)}]" if self.unit else self.label
 
     @property
-    def numbers(self) -> bool:
+    def shows_numbers(self) -> bool:
         """Whether colours represent numbers, of an array or of measured clearances."""
-        return self.scaled or bool(self.array and self.unit)
+        return self.has_scale or bool(self.array and self.unit)
 
 
 #: Colourings by their names in scene files, in groups: colours, motion, strain and stress of the

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.textile import Textile
-from spacemap_vtk.scenes.report import motion_told
+from spacemap_vtk.scenes.report import describe_motion
 from spacemap_vtk.textile.weave.cloth import FAMILIES
 from spacemap_vtk.units import UNITS, format_quantity
 
 #: Text for a figure that is not available; a warning explains why.
 UNKNOWN = "–"
 #: Number of modes whose frequencies are in tables.
-_FIRST = 3
+_MODES_IN_TABLES = 3
 #: Units of tables. They do not depend on a value's size, so that columns of tables are comparable.
 _TABLE_UNITS = {
     "m": "mm",
@@ -59,7 +59,7 @@ class Figure(NamedTuple):
     key: str
     label: str
     #: Text for people.
-    told: str
+    text: str
     #: Value for tables, in SI; for "%" a share; None if it is not a number or unknown.
     value: float | None = None
     unit: str = ""
@@ -67,21 +67,21 @@ class Figure(NamedTuple):
     @property
     def heading(self) -> str:
         """Heading of a table's column, with the unit."""
-        return with_unit(self.key.removesuffix("_deg").replace("_", " "), self.unit)
+        return heading_with_unit(self.key.removesuffix("_deg").replace("_", " "), self.unit)
 
     @property
     def entry(self) -> str:
         """Text in the cell of a table: six digits, or nothing."""
-        return "" if self.value is None else in_table(self.value, self.unit)
+        return "" if self.value is None else format_for_table(self.value, self.unit)
 
 
-def with_unit(name: str, unit: str) -> str:
+def heading_with_unit(name: str, unit: str) -> str:
     """Return a table's heading for numbers with a unit."""
     unit = _TABLE_UNITS.get(unit, unit)
     return f"{name} [{unit}]" if unit else name
 
 
-def in_table(value: float, unit: str) -> str:
+def format_for_table(value: float, unit: str) -> str:
     """Format a number in the unit of tables."""
     if isinstance(value, int):
         return str(value)
@@ -98,7 +98,7 @@ def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
             value = figures[family][key]
             value = len(value) if isinstance(value, list) else value
             number = None if isinstance(value, str) else value
-            pair.append(Figure(f"{family}_{key}", label, _cell(value, unit), number, unit or ""))
+            pair.append(Figure(f"{family}_{key}", label, _format_figure(value, unit), number, unit or ""))
         found.append((pair[0], pair[1]))
     return found
 
@@ -114,13 +114,13 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     treadles, thickness = figures["treadles"], figures["thickness"]
     heights = figures["feasible_height"] or [None]
     found = [
-        Figure("thickness", "thickness", _cell(thickness, "m"), thickness, "m"),
+        Figure("thickness", "thickness", _format_figure(thickness, "m"), thickness, "m"),
         figure("cover", "cover", "%", "{:.1%}"),
         figure("fibre_volume_fraction", "fibre volume fraction", "%", "{:.1%}"),
         figure("areal_mass", "areal mass", "kg/m2", "{:.4g} g/m²", 1e3),
         Figure("repeat", "smallest repeat", "{} x {}".format(*figures["repeat"])),
         figure("shafts", "shafts, treadles", "", f"{{}}, {treadles}"),
-        Figure("feasible_height", "h1 feasible", " to ".join(_cell(h, "m") for h in heights)),
+        Figure("feasible_height", "h1 feasible", " to ".join(_format_figure(h, "m") for h in heights)),
         _clearance(figures, "least_clearance", "least clearance"),
     ]
     if figures.get("cloths") == 2:
@@ -135,7 +135,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         *sheet_figures(figures, both),
     ]
     if swing := figures.get("motion"):
-        found.append(Figure("motion", "motion", motion_told(swing)))
+        found.append(Figure("motion", "motion", describe_motion(swing)))
     return found
 
 
@@ -150,12 +150,12 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         parameter = ModalSolver.parameter(name)
         label = "  " + name.replace("_", " ").replace("poissons", "Poisson's")
         values = value if isinstance(value, tuple) else (value,)
-        several = len(values) > 1 and (both or len({*map(parameter.tell, values)}) > 1)
+        several = len(values) > 1 and (both or len({*map(parameter.format_figure, values)}) > 1)
         for side, each in zip(("warp", "weft"), values if several else values[:1], strict=False):
             key, text = f"sheet_{name}", label
             if several:
                 key, text = f"{key}_{side}", f"{label}, {side}"
-            found.append(Figure(key, text, parameter.tell(each), each, parameter.unit))
+            found.append(Figure(key, text, parameter.format_figure(each), each, parameter.unit))
     return found
 
 
@@ -168,7 +168,7 @@ def motion_figures(swing: dict[str, Any] | None) -> list[Figure]:
 def mode_figures(figures: dict[str, Any]) -> list[Figure]:
     """Return the numbers of the first modes, from those of `report.modes`, and the cage's mass."""
     found = [Figure("mass", "mass", "", figures["mass"], "kg")]
-    for number, mode in enumerate(figures["modes"][:_FIRST], 1):
+    for number, mode in enumerate(figures["modes"][:_MODES_IN_TABLES], 1):
         found.append(Figure(f"mode_{number}", "", "", mode["frequency_hz"], "Hz"))
         ratio = mode["damping_ratio"]
         if math.isfinite(ratio):
@@ -176,7 +176,7 @@ def mode_figures(figures: dict[str, Any]) -> list[Figure]:
     return found
 
 
-def body_figures(figures: dict[str, Any]) -> list[Figure]:
+def object_figures(figures: dict[str, Any]) -> list[Figure]:
     """Return the numbers of an object and its cage, from those of `anatomy.body`."""
     counts = [Figure(key, key, "", figures[key]) for key in ("points", "cells", "triangles")]
     cage = figures["cage"] or {}
@@ -188,7 +188,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
     """Return the figures that a source that is not woven declares for its yarns."""
     diameters = textile.yarn_diameters
     low, high = float(diameters.min()), float(diameters.max())
-    told = _cell(low, "m") if low == high else f"{_cell(low, 'm')} to {_cell(high, 'm')}"
+    told = _format_figure(low, "m") if low == high else f"{_format_figure(low, 'm')} to {_format_figure(high, 'm')}"
     families = ", ".join(f"{count} {name}" for name, count in textile.families.items())
     found = [
         Figure("yarns", "yarns", families, len(diameters)),
@@ -196,7 +196,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
     ]
     if (masses := textile.linear_densities) is not None:
         mean = float(masses.mean())
-        found.append(Figure("linear_density", "yarn count", _cell(mean, "kg/m"), mean, "kg/m"))
+        found.append(Figure("linear_density", "yarn count", _format_figure(mean, "kg/m"), mean, "kg/m"))
     if (extent := textile.extent) is not None:
         found.append(Figure("extent", "extent", " x ".join(_cell(x, "m") for x in extent.tolist())))
     for key, label, value, unit in textile.figures:
@@ -204,7 +204,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
     return found
 
 
-def hung_figures(hung: dict[str, Any] | None) -> list[Figure]:
+def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
     """Return the figures of a hanging cage, from those of `report.modes`."""
     if hung is None:
         return []
@@ -229,13 +229,13 @@ def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:
     # A distance within rounding errors is contact, not overlap.
     touching = 1e-8 * min(figures[family]["diameter"] for family in FAMILIES)
     distance = found["distance"] if abs(found["distance"]) > touching else 0.0
-    place = ", ".join(_cell(x, "m") for x in found["place"])
+    place = ", ".join(_format_figure(x, "m") for x in found["place"])
     names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
-    told = f"{_cell(distance, 'm')} ({' and '.join(names)}, at {place})"
+    told = f"{_format_figure(distance, 'm')} ({' and '.join(names)}, at {place})"
     return Figure(key, label, told, distance, "m")
 
 
-def _cell(value: float | None, unit: str | None) -> str:
+def _format_figure(value: float | None, unit: str | None) -> str:
     if value is None:
         return UNKNOWN
     if unit is None:

@@ -17,8 +17,8 @@ from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES, sides_for_pixels
 from spacemap_vtk.memory import fits
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.face import face_of, face_scale
-from spacemap_vtk.scenes.footprint import (
+from spacemap_vtk.scenes.flat_picture import flat_cloth, pixels_per_metre
+from spacemap_vtk.scenes.memory_estimates import (
     PictureRequest,
     require_pixels,
     require_sheet,
@@ -31,7 +31,7 @@ from spacemap_vtk.textile.geometry.weave import estimate_counts
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 
-class Form(Enum):
+class DrawingMethod(Enum):
     """Ways to draw a cloth."""
 
     #: All yarns, in memory together.
@@ -96,7 +96,7 @@ LEAST_SIDES = AUTOMATIC_SIDES
 #: Most crossings in a row of its texture, a power of 2: older graphics cards take no more.
 LONGEST_ROW = 8192
 #: Share by which yarns of a family may differ: the shader has one diameter and spacing for each.
-_ALIKE = 0.1
+_MAX_VARIATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class DrawnCloth:
     #: Whether colours show clearances, which belong to the quadrilaterals that are measured.
     clearance: bool = False
     #: Whether the sheet's shader can draw each yarn.
-    shadable: bool = False
+    suits_shader: bool = False
 
     @property
     def follows_camera(self) -> bool:
@@ -127,7 +127,7 @@ class DrawnCloth:
         return self.subdivisions is None and not self.clearance
 
     @classmethod
-    def of(cls, scene: Scene) -> DrawnCloth | None:
+    def from_scene(cls, scene: Scene) -> DrawnCloth | None:
         """Return the figures of a scene; None if it has no cloth, or an impossible one."""
         if scene.woven is None:
             return None
@@ -145,7 +145,7 @@ class DrawnCloth:
             plies=max(int(np.max(family.plies)) for family in cloth.threads),
             subdivisions=scene.surface.subdivisions,
             clearance=scene.view.color == "clearance",
-            shadable=_is_shadable(scene, cloth),
+            suits_shader=_suits_shader(scene, cloth),
         )
 
 
@@ -153,7 +153,7 @@ class DrawnCloth:
 class LevelOfDetail:
     """How the yarns of a cloth are drawn."""
 
-    form: Form = Form.WHOLE
+    method: DrawingMethod = DrawingMethod.WHOLE
     #: Quadrilaterals along each side of a patch; with `near_quads`, of a patch out of view.
     sides: int = AUTOMATIC_SIDES
     #: Quadrilaterals that the patches in view share by distance; 0: all patches have `sides`.
@@ -182,23 +182,23 @@ class LevelOfDetail:
     @property
     def has_sheet(self) -> bool:
         """Whether a sheet replaces yarns, which are not all in memory together."""
-        return self.form is not Form.WHOLE
+        return self.method is not DrawingMethod.WHOLE
 
     def at_scale(self, cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
         """Return the level for the camera's position."""
         # `cloth` is the cloth for which this level was chosen, `scale` the pixels per metre where
         # it is nearest to the camera, and `size` the size of the fabric's picture. If yarns can be
         # seen, pieces of them replace the sheet.
-        seen = facets_seen(cloth, scale, size)
-        seen = replace(seen, form=self.form, bytes=self.bytes)
+        seen = facets_at_scale(cloth, scale, size)
+        seen = replace(seen, method=self.method, bytes=self.bytes)
         made = cloth.subdivisions is not None or seen.shows_yarns
-        if self.form is not Form.SHEET or not made:
+        if self.method is not DrawingMethod.SHEET or not made:
             return seen
         quads = cloth.patches * (cloth.subdivisions or seen.sides) ** 2
         pieces = ceil(max(cloth.patches / PIECE_PATCHES, quads / _PIECE_QUADS))
         return replace(
             seen,
-            form=Form.TILES if cloth.clearance else Form.PIECES,
+            method=DrawingMethod.TILES if cloth.clearance else DrawingMethod.PIECES,
             pieces=min(pieces, cloth.ends + cloth.picks),
         )
 
@@ -213,21 +213,21 @@ def choose_level(
     """Choose how a scene's yarns are drawn, before any is made: WHOLE, SHADER or SHEET."""
     # Without a request neither pixels nor memory matter. With one, SizeError is raised if the
     # result would not fit into memory.
-    cloth = DrawnCloth.of(scene)
+    cloth = DrawnCloth.from_scene(scene)
     if cloth is None or scene.woven is None:
         if request is not None:
             require_pixels(scene, request)
         return LevelOfDetail()
     if request is None:
-        return LevelOfDetail(choose_form(cloth, window=window))
+        return LevelOfDetail(choose_method(cloth, window=window))
     counts = cloth.ends, cloth.picks
     scale = face_scale(scene, scene.woven.cloth, request.size)
     sides = cloth.subdivisions or sides_for_pixels(scale * cloth.height)
     size = yarn_bytes(scene, request, cloth.patches, sides)
-    face = scale * cloth.spacing if face_of(scene) else None
+    face = scale * cloth.spacing if flat_cloth(scene) else None
     shader = opengl and not request.wireframe
-    form = choose_form(cloth, face, fits(size), opengl=opengl, shader=shader, window=window)
-    if form is Form.WHOLE:
+    form = choose_method(cloth, face, fits_in_memory(size), opengl=opengl, shader=shader, window=window)
+    if form is DrawingMethod.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)
     size = sheet_bytes(scene, request, cloth.ends * cloth.picks)
@@ -235,7 +235,7 @@ def choose_level(
     return LevelOfDetail(form, bytes=size)
 
 
-def choose_form(
+def choose_method(
     cloth: DrawnCloth,
     face: float | None = None,
     fit: bool = True,
@@ -243,25 +243,25 @@ def choose_form(
     opengl: bool = True,
     shader: bool = True,
     window: bool = False,
-) -> Form:
+) -> DrawingMethod:
     """Choose WHOLE, SHADER or SHEET."""
     # `face`: pixels from yarn to yarn of a still cloth that is seen from its face, else None.
     # `fit`: whether all yarns together fit into memory. `shader`: whether the sheet's may be used.
     if cloth.subdivisions is not None:
         # A request that takes hours is refused, not drawn in pieces.
         refused = cloth.patches * cloth.subdivisions**2 >= MOST_QUADS
-        return Form.WHOLE if fit or refused else Form.SHEET
+        return DrawingMethod.WHOLE if fit or refused else DrawingMethod.SHEET
     # Only a sheet has the exact mean colour of everything in a pixel. Therefore a sheet also
     # replaces few yarns if they are too thin to be seen. Without OpenGL they are drawn, less
     # exactly.
     thin = face is not None and face < SMALLEST_YARN and opengl
     many = WINDOW_PATCHES if window else MANY_PATCHES
     if fit and cloth.patches <= many and not thin:
-        return Form.WHOLE
+        return DrawingMethod.WHOLE
     resolved = face is not None and SMALLEST_YARN <= face < _RESOLVED_YARN
-    if resolved and shader and cloth.shadable and cloth.patches >= SHADER_PATCHES:
-        return Form.SHADER
-    return Form.SHEET
+    if resolved and shader and cloth.suits_shader and cloth.patches >= SHADER_PATCHES:
+        return DrawingMethod.SHADER
+    return DrawingMethod.SHEET
 
 
 def choose_near(
@@ -269,13 +269,13 @@ def choose_near(
 ) -> LevelOfDetail:
     """Choose NEAR or SHEET for the yarns in the window's view, which have this many patches."""
     if scale * cloth.spacing < SMALLEST_IN_WINDOW or patches > NEAR_PATCHES:
-        return LevelOfDetail(Form.SHEET)
+        return LevelOfDetail(DrawingMethod.SHEET)
     most = max(1, isqrt(_NEAR_QUADS // max(1, patches)))
-    seen = facets_seen(cloth, scale, size)
-    return replace(seen, form=Form.NEAR, sides=min(seen.sides, most))
+    seen = facets_at_scale(cloth, scale, size)
+    return replace(seen, method=DrawingMethod.NEAR, sides=min(seen.sides, most))
 
 
-def facets_seen(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
+def facets_at_scale(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> LevelOfDetail:
     """Choose facets that look round, where a metre has at most `scale` pixels."""
     plies = cloth.plies if cloth.width * scale > _PLIES else 1
     sides = sides_for_pixels(cloth.height * scale, plies)
@@ -300,13 +300,13 @@ def quads_in_view(size: tuple[int, int]) -> int:
     return max(_VIEW_QUADS, prod(size) // _PIXELS_OF_QUAD)
 
 
-def _is_shadable(scene: Scene, cloth: Cloth) -> bool:
+def _suits_shader(scene: Scene, cloth: Cloth) -> bool:
     """Return whether the sheet's shader can draw each yarn."""
     # It compares the heights of end and pick at each place, so that nothing may be hidden behind
     # anything else.
     if cloth.layers is not None or cloth.axis == "spline" or max(cloth.size) > LONGEST_ROW:
         return False
-    if COLORINGS[scene.view.color].numbers or scene.view.look.outline:
+    if COLORINGS[scene.view.color].shows_numbers or scene.view.resolved_style.outline:
         return False
     measures = [m for yarns in cloth.yarns for m in (yarns.diameter, np.diff(yarns.position))]
-    return all(np.ptp(m) <= _ALIKE * np.mean(m) for m in measures if len(m))
+    return all(np.ptp(m) <= _MAX_VARIATION * np.mean(m) for m in measures if len(m))

@@ -23,7 +23,7 @@ def names() -> list[str]:
     return sorted(path.stem for path in folder().glob("*.toml"))
 
 
-def kinds() -> dict[str, list[str]]:
+def names_by_kind() -> dict[str, list[str]]:
     """Return the names of the included scenes, grouped by what they show."""
     found: dict[str, list[str]] = {
         kind: [] for kind in ("Weaves", "Cloth that moves", "Cloth that hangs", "Other objects")

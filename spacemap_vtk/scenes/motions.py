@@ -15,7 +15,7 @@ MOTIONS = {
 }
 
 
-def loaded_cage(scene: Scene) -> LoadParameters:
+def require_loads(scene: Scene) -> LoadParameters:
     """Return the stage that moves a scene's cage by loads; refuse a scene without one."""
     mover = scene.stage("mover")
     if isinstance(mover, LoadParameters):
@@ -26,7 +26,7 @@ def loaded_cage(scene: Scene) -> LoadParameters:
     )
 
 
-def take_motion(scene: Scene, name: str, given: LoadParameters) -> None:
+def set_motion(scene: Scene, name: str, given: LoadParameters) -> None:
     """Move a scene in one of `MOTIONS`, with the loads, damping and start of `given`."""
     sections, _ = MOTIONS[name]
     values = {key: getattr(given, key) for key in LoadParameters.parameters}
@@ -36,4 +36,4 @@ def take_motion(scene: Scene, name: str, given: LoadParameters) -> None:
             "starts where it hangs, or undeformed"
         )
     kept = {stage.section for stage in scene.stages if stage.role not in ("mover", "rotation")}
-    scene.adopt({sections[0]: values}, kept | set(sections))
+    scene.apply_settings({sections[0]: values}, kept | set(sections))

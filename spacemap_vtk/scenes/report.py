@@ -1,4 +1,4 @@
-"""A scene's figures as plain dictionaries, for the commands ``modes`` and ``info``."""
+"""A scene's figures as plain dictionaries, for the commands ``report_modes`` and ``info``."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.datasets.modal_model import ModesReader, sheet_in
-from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, naming_section
+from spacemap_vtk.datasets.modal_model import ModesReader, sheet_of
+from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_section_to_errors
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver, load_or_solve_equilibrium
 from spacemap_vtk.mechanics.boundary.places import parse_places
@@ -45,9 +45,9 @@ MOST_CROSSINGS = 20_000
 #: take 0.2 s; and the most cells of a cage whose motion is reported.
 SAMPLES, FEWEST, LOOKED_AT, MANY_CELLS = 61, 13, 120_000, 20_000
 #: Share by which a drape coefficient may change, in cells twice as wide, without a warning.
-DEPENDS = 0.1
+DRAPE_TOLERANCE = 0.1
 #: Cosine of the largest slope of a cloth that is draped over a disc.
-LEVEL = 0.999
+COSINE_OF_LEVEL = 0.999
 #: Figures of a fabric, and of its warp or weft, that are unknown if the yarns do not fit.
 _NO_FIGURES: dict[str, Any] = dict.fromkeys(
     (
@@ -64,12 +64,12 @@ _NO_FIGURES: dict[str, Any] = dict.fromkeys(
         "least_clearance",
     )
 )
-_NO_CRIMP = dict.fromkeys(
+_NO_YARN_FIGURES = dict.fromkeys(
     ("theta_deg", "length", "crimp", "height", "mean_crimp", "cover", "yarn_length")
 )
 
 
-def modes(scene: Scene) -> dict[str, Any]:
+def report_modes(scene: Scene) -> dict[str, Any]:
     """Return the modes of a scene's cage."""
     solver, mover = scene.stage("solver"), scene.stage("mover")
     if solver is None:
@@ -101,10 +101,10 @@ def modes(scene: Scene) -> dict[str, Any]:
         list(mode_errors(cage.model, eigenvalues, cage.shapes))
     ):
         scene.warn(f"{unresolved}; set cage.divisions finer")
-    hanging = _hung(scene.modal, cage.model)
+    hanging = _report_equilibrium(scene.modal, cage.model)
     if hanging is not None and (error := hanging["drape_coefficient_error"]) is not None:
         found = hanging["drape_coefficient"]
-        if error > DEPENDS * found:
+        if error > DRAPE_TOLERANCE * found:
             scene.warn(
                 f"the drape coefficient still depends on the cage's cells: {found:.1%} differs by "
                 f"{error:.1%} from that in cells twice as wide; set cage.divisions finer"
@@ -113,7 +113,7 @@ def modes(scene: Scene) -> dict[str, Any]:
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
         "dof": cage.model.pencil.size,
-        **sheet_figures(sheet_in(grid)),
+        **report_sheet(sheet_of(grid)),
         "mass": float(cage.nodal_mass.sum()),
         "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
@@ -124,7 +124,7 @@ def modes(scene: Scene) -> dict[str, Any]:
     }
 
 
-def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
+def report_sheet(sheet: DataSheet | None) -> dict[str, Any]:
     """Return whether a cage is a sheet, with its figures, or tetrahedra."""
     if sheet is None:
         return {"elements": "tetrahedra", "sheet": None, "poissons_ratios": None}
@@ -138,7 +138,7 @@ def sheet_figures(sheet: DataSheet | None) -> dict[str, Any]:
     }
 
 
-def motion(scene: Scene) -> dict[str, Any] | None:
+def report_motion(scene: Scene) -> dict[str, Any] | None:
     """Return how far a scene's linear motion turns and stretches its cage; None if it has none."""
     mover = scene.stage("mover")
     if not isinstance(mover, ModalResponse):
@@ -147,11 +147,11 @@ def motion(scene: Scene) -> dict[str, Any] | None:
         mover.update(0.0)  # its warnings do not concern the figures that were asked for
     except SpacemapError:  # drawing the motion raises this error and reports it
         return None
-    return last_motion(scene)
+    return report_last_motion(scene)
 
 
-def last_motion(scene: Scene) -> dict[str, Any] | None:
-    """Return the figures of `motion` as of the last update."""
+def report_last_motion(scene: Scene) -> dict[str, Any] | None:
+    """Return the figures of `report_motion` as of the last update."""
     mover = scene.stage("mover")
     response = mover.motion if isinstance(mover, ModalResponse) else None
     if response is None or mover is None or len(response.cells) > MANY_CELLS:
@@ -171,8 +171,8 @@ def last_motion(scene: Scene) -> dict[str, Any] | None:
     }
 
 
-def motion_told(figures: dict[str, Any]) -> str:
-    """Return the figures of `motion` as a sentence, with cures if they are out of range."""
+def describe_motion(figures: dict[str, Any]) -> str:
+    """Return the figures of `report_motion` as a sentence, with cures if they are out of range."""
     told, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
     if not figures["rebuilt"]:
         told += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
@@ -191,8 +191,8 @@ def motion_told(figures: dict[str, Any]) -> str:
     return told
 
 
-def motion_in_short(figures: dict[str, Any]) -> str:
-    """Return the most important part of `motion_told`, without the cures."""
+def summarise_motion(figures: dict[str, Any]) -> str:
+    """Return the most important part of `describe_motion`, without the cures."""
     told = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
     if not figures["rebuilt"]:
         return f"{told}, lengths change by {100 * figures['largest_stretch']:.3g} %"
@@ -201,7 +201,7 @@ def motion_in_short(figures: dict[str, Any]) -> str:
     return told
 
 
-def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
+def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
     """Return the figures of a cage that hangs under gravity: its sag, and a sheet's shadow."""
     gravity = np.array(solver.gravity)
     if model.displacement is None or not gravity.any():
@@ -216,7 +216,7 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
     }
     if model.pencil.surface is None:
         return figures
-    cast, area, disc = _shadow(solver, model, down)
+    cast, area, disc = _shadow_areas(solver, model, down)
     figures |= {"shadow_area": cast, "cloth_area": area}
     if disc is None:
         return figures
@@ -241,12 +241,12 @@ def _hung(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
         fewer.lumped,
         moved,
     )
-    other = _shadow(solver, draped, down)
+    other = _shadow_areas(solver, draped, down)
     figures["drape_coefficient_error"] = abs(drape_coefficient(other[0], area, disc) - found)
     return figures
 
 
-def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, float, float | None]:
+def _shadow_areas(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, float, float | None]:
     """Return the areas of a hanging sheet's shadow, of the sheet, and of the disc below it."""
     surface = model.pencil.surface
     assert surface is not None
@@ -259,7 +259,7 @@ def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, flo
     across = np.eye(3)[surface.normal]
     cast, area = shadow_area(draped, triangles, down), shadow_area(flat, triangles, across)
     held = parse_places(" ".join(solver.fixed or solver.in_use.get("fixed", ())))
-    if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > LEVEL:
+    if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > COSINE_OF_LEVEL:
         *centre, radius = held[0].numbers
         height = float((flat.mean(axis=0) - centre) @ across)
         disc = math.pi * max(radius**2 - height**2, 0.0)
@@ -268,26 +268,26 @@ def _shadow(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, flo
     return cast, area, None
 
 
-def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
+def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     """Return a fabric's figures."""
     woven = scene.woven
     if woven is None:
         raise InputError(
             f"{scene.file}: this scene is not woven",
-            cure="Its own figures are those of `spacemap_vtk.scenes.anatomy.body`.",
+            cure="Its own figures are those of `spacemap_vtk.scenes.object_report.report_object`.",
         )
     if time is not None and not scene.moves:
         raise InputError("this scene does not move", key="time", cure="Add a section [response].")
-    figures, over = cloth(scene), woven.cloth.drawdown
+    figures, over = report_cloth(scene), woven.cloth.drawdown
     room = figures["thickness"] is not None
     solver, made = scene.stage("solver"), scene.stage("cage")
     if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
         scene.update_stage(made)
-        with naming_section(solver.section):
-            figures |= sheet_figures(solver.measures(made.output))
+        with add_section_to_errors(solver.section):
+            figures |= report_sheet(solver.measures(made.output))
             if made.output.GetNumberOfCells() <= MANY_CELLS:
-                figures["motion"] = motion(scene)
-    for _ in clearance(scene, figures):
+                figures["motion"] = report_motion(scene)
+    for _ in add_clearance(scene, figures):
         pass
     if over.size > MOST_CROSSINGS:
         if figures["least_clearance"] is None:
@@ -302,9 +302,9 @@ def fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     return figures
 
 
-def cloth(scene: Scene) -> dict[str, Any]:
+def report_cloth(scene: Scene) -> dict[str, Any]:
     """Return the figures of a fabric that are quick to compute, without clearance or cage."""
-    room = not isinstance(scene.obstacle(), GeometryError)
+    room = not isinstance(scene.find_obstacle(), GeometryError)
     textile = scene.woven
     assert textile is not None
     woven, over = textile.cloth, textile.cloth.drawdown
@@ -320,9 +320,9 @@ def cloth(scene: Scene) -> dict[str, Any]:
     floats, means = drawdown.longest_floats(over), drawdown.mean_floats(over)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
-        figures[family] = figures.get(family, dict(_NO_CRIMP)) | {
+        figures[family] = figures.get(family, dict(_NO_YARN_FIGURES)) | {
             "yarns": over.shape[1 - number],
-            **_yarns(threads, woven.density),
+            **_report_yarns(threads, woven.density),
             "longest_float": floats[number],
             "mean_float": means[number],
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],
@@ -338,8 +338,8 @@ def cloth(scene: Scene) -> dict[str, Any]:
     return figures
 
 
-def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, None]:
-    """Add the least clearance to the figures of `cloth`, unless yarns do not fit; yields often."""
+def add_clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, None]:
+    """Add the least clearance to the figures of `report_cloth`, unless yarns do not fit; yields often."""
     if figures["thickness"] is None:
         return
     assert scene.woven is not None
@@ -350,7 +350,7 @@ def clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, No
         figures["least_clearance"] = _clearance((yield from measure_in_steps(woven)))
 
 
-def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:
+def _report_yarns(threads: Threads, density: float | None) -> dict[str, Any]:
     """Return the figures of a family's yarns, whether or not they fit."""
     height, aspect, section = np.asarray(threads.diameter), threads.aspect, threads.shape
     diameter = float(height.mean())
@@ -366,5 +366,5 @@ def _yarns(threads: Threads, density: float | None) -> dict[str, Any]:
     }
 
 
-def _clearance(found: Clearance) -> dict[str, Any]:
+def _report_clearance(found: Clearance) -> dict[str, Any]:
     return {"distance": found.distance, "yarns": list(found.yarns), "place": found.place.tolist()}

@@ -16,9 +16,15 @@ from vtkmodules.vtkCommonDataModel import (
 
 from spacemap_vtk import extensions
 from spacemap_vtk.datasets.processes import Piece
-from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapError, naming_section
+from spacemap_vtk.errors import (
+    GeometryError,
+    InputError,
+    SizeError,
+    SpacemapError,
+    add_section_to_errors,
+)
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
@@ -28,9 +34,14 @@ from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.textile import Textile, Woven
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.assignments import parsed, part_of, value_of
-from spacemap_vtk.scenes.chain import chain, connect_chain, refuse_replaced, sections
+from spacemap_vtk.scenes.assignments import parse_value, require_part, split_assignment
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.pipeline import (
+    choose_stages,
+    connect_stages,
+    refuse_replaced,
+    section_classes,
+)
 from spacemap_vtk.scenes.settings import Animation, View
 from spacemap_vtk.textile.drafts.draft import Draft
 
@@ -70,8 +81,8 @@ class Scene:
         self.file = file
         #: The object that each section configures, in the order of the pipeline.
         self.parts: dict[str, Parameterised] = {
-            name: cls(**cls.usual(of_object=ObjectSource.section in values))
-            for name, cls in sections().items()
+            name: cls(**cls.defaults_for(of_object=ObjectSource.section in values))
+            for name, cls in section_classes().items()
         }
         # Parts that are included in the program, connected or not.
         self.object = self.part(ObjectSource)
@@ -87,11 +98,11 @@ class Scene:
         self._sections = set(values)
         #: The stages that are connected, from source to surface.
         self.stages: list[Stage] = []
-        with self.naming_file():
+        with self.add_file_to_errors():
             refuse_replaced(self.parts, self._sections)
             for name, value in values.items():
                 if name == "title":
-                    self.title = _title(value)
+                    self.title = _clean_title(value)
                 else:
                     self._write_section(name, value)
         self._connect()
@@ -152,7 +163,7 @@ class Scene:
         return next((stage for stage in self.stages if stage.role == role), None)
 
     @property
-    def given(self) -> tuple[str, ...]:
+    def given_sections(self) -> tuple[str, ...]:
         """The sections of the scene."""
         return tuple(sorted(self._sections))
 
@@ -189,7 +200,7 @@ class Scene:
         return self.stage("mover") is not None
 
     @property
-    def moving(self) -> list[Stage]:
+    def motion_stages(self) -> list[Stage]:
         """The stages from the mover of the cage to the warp of the object."""
         mover = self.stage("mover")
         return [] if mover is None else self.stages[self.stages.index(mover) : -1]
@@ -207,7 +218,7 @@ class Scene:
         return next(stage for stage in reversed(self.stages[:-1]) if stage.makes == "object")
 
     @property
-    def arrays(self) -> dict[str, Provided]:
+    def arrays(self) -> dict[str, ProvidedArray]:
         """The arrays that the connected stages add, by name."""
         return {name: array for stage in self.stages for name, array in stage.arrays.items()}
 
@@ -229,8 +240,8 @@ class Scene:
         InputError
             If the text has another form, or the value is refused.
         """
-        section, key, text = parsed(assignment)
-        self.assign(section, key, value_of(text))
+        section, key, text = split_assignment(assignment)
+        self.assign(section, key, parse_value(text))
 
     def assign(self, section: str, key: str, value: Any) -> None:
         """Change a value. All changes go through here; errors about it do not name the file.
@@ -261,7 +272,7 @@ class Scene:
         """The values of all parameters, by section and name."""
         return {name: part.settings for name, part in self.parts.items()}
 
-    def adopt(
+    def apply_settings(
         self,
         settings: Mapping[str, Mapping[str, Any]],
         sections: Collection[str] | None = None,
@@ -316,7 +327,7 @@ class Scene:
         SpacemapError
             If a stage refuses its input; the message names the scene's file.
         """
-        with self.naming_file():
+        with self.add_file_to_errors():
             self._check_color()
             stage.update(time, piece)
         for run in self.stages:
@@ -334,8 +345,8 @@ class Scene:
             If the draft cannot be read, the fabric is impossible, the cage's material is invalid,
             the damping is contradictory, or the animation has no frames.
         """
-        with self.naming_file():
-            found = self.obstacle()
+        with self.add_file_to_errors():
+            found = self.find_obstacle()
             own = self.source.section
             draft = None if any(part == own for part, _ in self.assigned) else self.draft_file
             # A fabric that is too large can still be drawn: in parts, or from a distance.
@@ -344,9 +355,9 @@ class Scene:
                 raise found
             self._check_color()
             for stage in self.stages:
-                with naming_section(stage.section):
+                with add_section_to_errors(stage.section):
                     stage.check()
-            with naming_section("animation"):
+            with add_section_to_errors("animation"):
                 self.animation.frame_times()
 
     @property
@@ -361,7 +372,7 @@ class Scene:
         color = COLORINGS.get(self.view.color)
         if color is not None and not color.array:
             return  # this runs in every frame, and listing the arrays takes long
-        with naming_section("view"):
+        with add_section_to_errors("view"):
             if self.view.color not in self.colorings:
                 raise InputError(
                     "this scene has nothing of that kind to show",
@@ -377,7 +388,7 @@ class Scene:
         rides = array in of_cage and array not in self.warp.arrays
         self.warp.color_array = array if rides else ""
 
-    def obstacle(self) -> GeometryError | SizeError | None:
+    def find_obstacle(self) -> GeometryError | SizeError | None:
         """Return the reason why the cloth cannot be built; builds nothing.
 
         Returns
@@ -397,7 +408,7 @@ class Scene:
             return None
         found: GeometryError | SizeError
         what = "there is no room for its yarns, so that it cannot be drawn"
-        with self.naming_file(), naming_section(self.source.section):
+        with self.add_file_to_errors(), add_section_to_errors(self.source.section):
             try:
                 woven.cloth.check()
                 self._warnings |= dict.fromkeys(woven.cloth.warnings)
@@ -412,7 +423,7 @@ class Scene:
         found.section = self.source.section
         parameter = self.source.parameters.get(found.key or "")
         if isinstance(found.value, float) and parameter is not None:
-            found.value = parameter.show(found.value)  # with its unit, as in errors of the stage
+            found.value = parameter.format(found.value)  # with its unit, as in errors of the stage
         self.warn(f"{what}: {found}")
         return found
 
@@ -432,7 +443,7 @@ class Scene:
         return self.last_object.output
 
     @property
-    def deforming(self) -> Stage:
+    def cage_stage(self) -> Stage:
         """The stage whose output is the warp's cage."""
         for stage in reversed(self.stages):
             if stage.makes == "cage":
@@ -446,12 +457,12 @@ class Scene:
     @property
     def deformed_cage(self) -> vtkUnstructuredGrid:
         """The cage of the last update with its displacement; its points are at rest."""
-        return self.deforming.output
+        return self.cage_stage.output
 
     @property
     def draft(self) -> Draft:
         """The draft of the textile; no update is needed."""
-        with self.naming_file(), naming_section(self.source.section):
+        with self.add_file_to_errors(), add_section_to_errors(self.source.section):
             draft = None if self.textile is None else self.textile.make_draft()
             if draft is None:
                 raise InputError(
@@ -487,7 +498,7 @@ class Scene:
         return extensions.load("data", kind)(self)
 
     @property
-    def painting(self) -> vtkImageData | None:
+    def picture(self) -> vtkImageData | None:
         """The object's picture; None if it shows its own colours."""
         return self.object.picture if self.source is self.object else None
 
@@ -498,7 +509,7 @@ class Scene:
 
     def _write_section(self, section: str, values: Any) -> None:
         """Set the values of a section of a file."""
-        part = part_of(self.parts, section)
+        part = require_part(self.parts, section)
         if not isinstance(values, Mapping):
             raise InputError(
                 "not a section",
@@ -508,24 +519,24 @@ class Scene:
             )
         folder = self.file.parent if self.file else Path()
         for key, value in values.items():
-            with naming_section(section):
-                value = part.parameter(key).within(value, folder)
+            with add_section_to_errors(section):
+                value = part.parameter(key).resolve_path(value, folder)
             self._write(section, key, value)
 
     def _write(self, section: str, key: str, value: Any) -> None:
-        part = part_of(self.parts, section)
-        with naming_section(section):
-            part.write(key, value)
+        part = require_part(self.parts, section)
+        with add_section_to_errors(section):
+            part.set_from_scene(key, value)
 
     def _connect(self) -> None:
-        stages = chain(self.parts, self._sections)
+        stages = choose_stages(self.parts, self._sections)
         if stages != self.stages:
             self.stages = stages
-            connect_chain(stages)
+            connect_stages(stages)
         self._choose_color_array()
 
     @contextmanager
-    def naming_file(self) -> Iterator[None]:
+    def add_file_to_errors(self) -> Iterator[None]:
         """Add this scene's file to errors, unless `assign` caused them.
 
         Yields
@@ -542,7 +553,7 @@ class Scene:
             raise
 
 
-def _title(value: Any) -> str:
+def _clean_title(value: Any) -> str:
     """Return a scene's title without control characters."""
     if not isinstance(value, str):
         raise InputError("not a string", key="title", value=value)

@@ -169,16 +169,16 @@ class View(Parameterised):
     )
 
     @property
-    def look(self) -> Style:
+    def resolved_style(self) -> Style:
         """The style with the chosen background."""
         style = STYLES[self.style]
-        below = style.below if self.background is None else self.background
-        above = style.above if self.background_top is None else self.background_top
-        return replace(style, below=below, above=above)
+        below = style.bottom_color if self.background is None else self.background
+        above = style.top_color if self.background_top is None else self.background_top
+        return replace(style, bottom_color=below, top_color=above)
 
-    def within(self, dark: bool) -> View:
+    def for_window(self, dark: bool) -> View:
         """Return the view for a window: dark like it, unless a background or a style is given."""
-        if not dark or {"background", "background_top", "style"} & self.given.keys():
+        if not dark or {"background", "background_top", "style"} & self.given_values.keys():
             return self
         below, above = BACKGROUNDS["Dark"]
         return View(**{**self.settings, "background": below, "background_top": above})
@@ -188,10 +188,10 @@ class View(Parameterised):
         """Colour of the cage's edges that can be seen: red, green and blue from 0 to 255."""
         if self.cage_color is not None:
             return self.cage_color
-        look = self.look
-        dark = is_dark(look.below)
-        if look.ink is not None and is_dark(look.ink) != dark:
-            return look.ink
+        look = self.resolved_style
+        dark = is_dark(look.bottom_color)
+        if look.line_color is not None and is_dark(look.ink) != dark:
+            return look.line_color
         return LINES_ON_DARK if dark else LINES
 
 

@@ -31,17 +31,17 @@ class Style:
 
     label: str
     #: Colours of the background, at the bottom and at the top.
-    below: RGB = (255, 255, 255)
-    above: RGB = (255, 255, 255)
+    bottom_color: RGB = (255, 255, 255)
+    top_color: RGB = (255, 255, 255)
     #: Colour of a cage's edges; None: dark, or light on a dark background.
-    ink: RGB | None = None
+    line_color: RGB | None = None
     #: Width of the line round each yarn in points, its colour, and its largest width on either side
     #: of the edge as a share of the yarn's diameter.
     outline: float = 0.0
-    outline_ink: RGB = (0, 0, 0)
+    outline_color: RGB = (0, 0, 0)
     outline_share: float = 0.04
     #: Share of the line's colour over yarns that are too small to be seen.
-    outline_afar: float = 0.2
+    outline_far_share: float = 0.2
     #: Light from all sides, from above and from below. With this light alone colours are unchanged.
     sky: Light3 = WHITE
     earth: Light3 = WHITE
@@ -63,7 +63,7 @@ class Style:
     shadow: float = 0.0
 
     @property
-    def of_numbers(self) -> Style:
+    def for_numbers(self) -> Style:
         """This style for colours that represent numbers: seen from front they match their scale."""
         return replace(
             self,
@@ -77,9 +77,9 @@ class Style:
             occlusion=0.0,
             # Without shadows, only lines show where yarns of one colour cross.
             outline=max(self.outline, 1.2),
-            outline_ink=(0, 0, 0) if self.lamps else self.outline_ink,
+            outline_color=(0, 0, 0) if self.lamps else self.outline_color,
             outline_share=0.02 if self.lamps else self.outline_share,
-            outline_afar=0.08 if self.lamps else self.outline_afar,
+            outline_far_share=0.08 if self.lamps else self.outline_far_share,
         )
 
 
@@ -87,7 +87,7 @@ class Style:
 STYLES = {
     "studio": Style(
         "Studio",
-        above=(223, 230, 238),
+        top_color=(223, 230, 238),
         sky=(0.34, 0.37, 0.41),
         earth=(0.20, 0.18, 0.16),
         # A warm key light from the upper left shows the crowns of the yarns, a cool fill light from
@@ -107,11 +107,11 @@ STYLES = {
     ),
     "paper": Style(
         "Paper",
-        ink=(70, 74, 80),
+        line_color=(70, 74, 80),
         outline=0.8,
-        outline_ink=(60, 60, 62),
+        outline_color=(60, 60, 62),
         outline_share=0.03,
-        outline_afar=0.15,
+        outline_far_share=0.15,
         sky=(0.72, 0.72, 0.72),
         earth=(0.5, 0.5, 0.5),
         lamps=(Lamp((-0.6, 0.9, 1.0), 0.42),),
@@ -119,14 +119,14 @@ STYLES = {
         occlusion=0.5,
         shadow=0.22,
     ),
-    "schematic": Style("Schematic", ink=(0, 0, 0), outline=1.6),
+    "schematic": Style("Schematic", line_color=(0, 0, 0), outline=1.6),
     "blueprint": Style(
         "Blueprint",
-        below=(22, 62, 122),
-        above=(22, 62, 122),
-        ink=(214, 230, 250),
+        bottom_color=(22, 62, 122),
+        top_color=(22, 62, 122),
+        line_color=(214, 230, 250),
         outline=1.4,
-        outline_ink=(236, 244, 255),
+        outline_color=(236, 244, 255),
         colored=0.0,
         tint=((0.05, 0.17, 0.38), (0.30, 0.50, 0.78)),
     ),

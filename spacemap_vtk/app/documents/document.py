@@ -22,8 +22,8 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import atomic_file, atomic_files, check_output, write_parts
 from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.chain import chain, fits, switched, words_of
 from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.pipeline import choose_stages, is_compatible, stage_title, switch_section
 from spacemap_vtk.scenes.scene import Scene
 
 #: Lists with more values are written one value per line.
@@ -289,7 +289,7 @@ class Document(QObject):
             f"switch {'on' if on else 'off'} {words_of(type(scene.parts[section]).__name__)}",
         )
         before, after = (
-            [words_of(type(s).__name__) for s in stages if s.section != section]
+            [stage_title(type(s).__name__) for s in stages if s.section != section]
             for stages in (scene.stages, self.scene.stages)
         )
         added, removed = (
@@ -382,7 +382,7 @@ class Document(QObject):
         try:
             for key, value in written.items():
                 parameter = self._scene.parts[section].parameter(key)
-                parameter.check(parameter.within(value, self._folder))
+                parameter.check(parameter.resolve_path(value, self._folder))
         except InputError:
             return False
         return True
@@ -473,7 +473,7 @@ class Document(QObject):
 def _relocate(value: Any, parameter: Any, old: Path, new: Path) -> Any:
     """Return a value with its paths, also those in records, relative to another folder."""
     if isinstance(parameter, FilePath) and isinstance(value, str):
-        there = parameter.within(value, old)
+        there = parameter.resolve_path(value, old)
         # The word for an automatic path is not a path, and an absolute path stays.
         return value if there == value or Path(value).is_absolute() else os.path.relpath(there, new)
     if isinstance(value, list) and hasattr(parameter, "record"):

@@ -13,8 +13,8 @@ from pathlib import Path
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.wif_writer import format_wif
 from spacemap_vtk.io.output import write_parts
+from spacemap_vtk.temporary_files import hidden_path, lock_folder, remove_abandoned
 from spacemap_vtk.textile.drafts.draft import Draft
-from spacemap_vtk.vanishing import clear, hidden, hold
 
 
 class DraftVersions:

@@ -25,7 +25,7 @@ from spacemap_vtk.io.registry import (
     writer_endings,
 )
 from spacemap_vtk.jobs import PictureJob
-from spacemap_vtk.scenes.origin import record_of
+from spacemap_vtk.scenes.scene_record import make_record
 
 _MAX_RECENT = 8
 
@@ -144,10 +144,10 @@ class FileCommands(QObject):
         )
         before = scene.view.settings
         try:
-            scene.adopt({"view": view.settings})
-            return record_of(scene, job.as_json(), [time])
+            scene.apply_settings({"view": view.settings})
+            return make_record(scene, job.as_json(), [time])
         finally:
-            scene.adopt({"view": before})
+            scene.apply_settings({"view": before})
 
     def confirm_close(self) -> bool:
         """Ask whether to save unsaved changes; return whether the document may be closed."""

@@ -11,7 +11,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.formats.toml import format_value
 from spacemap_vtk.parameters import AUTOMATIC, FilePath
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.chain import chain
+from spacemap_vtk.scenes.pipeline import choose_stages
 from spacemap_vtk.scenes.scene import Scene
 
 

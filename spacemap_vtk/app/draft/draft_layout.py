@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.scenes.editable_draft import EditableDraft
 
 #: Margin around the draft, in pixels.
 MARGIN = 10
@@ -133,7 +133,7 @@ class DraftLayout:
 
     def __init__(
         self,
-        shown: Shown,
+        shown: EditableDraft,
         cell: int,
         room: tuple[int, int],
         offset: tuple[int, int] = (0, 0),

@@ -28,7 +28,14 @@ from spacemap_vtk.app.draft.strokes import EDIT_NAMES
 from spacemap_vtk.app.widgets import CountBox, column, note, row, single_shot, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.registry import draft_dialog_filters, kind_of
-from spacemap_vtk.scenes.shown import Changes, Shown, as_colors, as_draft, as_pattern, shown_of
+from spacemap_vtk.scenes.editable_draft import (
+    Changes,
+    EditableDraft,
+    color_values,
+    make_editable_draft,
+    pattern_values,
+    to_draft,
+)
 from spacemap_vtk.textile.drafts.loom import Loom
 
 #: Section that edits change.
@@ -104,7 +111,7 @@ class DraftTab(QWidget):
             return
         self._key = key
         try:
-            shown = shown_of(woven)
+            shown = make_editable_draft(woven)
         except SpacemapError as error:
             self._show_draft(None, f"{error.message}. {error.cure or ''}".strip())
         else:
@@ -188,7 +195,7 @@ class DraftTab(QWidget):
             self.palette_row.show_colors(shown)
             self._show_counts(shown)
 
-    def _show_counts(self, shown: Shown) -> None:
+    def _show_counts(self, shown: EditableDraft) -> None:
         loom = shown.loom
         lifted = loom.liftplan is not None
         least = loom.highest_used
@@ -297,7 +304,7 @@ class DraftTab(QWidget):
         rgb = [old.red(), old.green(), old.blue()]
         changes: Changes = {}
         for family in ("warp", "weft"):
-            colors = shown.strip(family).copy()
+            colors = shown.yarn_colors(family).copy()
             same = (colors == np.array(rgb, dtype=np.uint8)).all(axis=1)
             if same.any():
                 colors[same] = new.red(), new.green(), new.blue()

@@ -19,7 +19,7 @@ from spacemap_vtk.app.draft.draft_layout import GAP, STRIP, DraftLayout, GridCel
 from spacemap_vtk.app.draft.draft_painter import DraftColors, DraftPainter
 from spacemap_vtk.app.draft.strokes import Stroke
 from spacemap_vtk.app.widgets import is_dark
-from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.scenes.editable_draft import EditableDraft
 
 #: Steps of the arrow keys, across and down.
 _ARROW_STEPS = {
@@ -46,7 +46,7 @@ class DraftGrid(QAbstractScrollArea):
 
     def __init__(self) -> None:
         super().__init__()
-        self.shown: Shown | None = None
+        self.shown: EditableDraft | None = None
         self.cell = 10
         self.as_cloth = True
         self.colored = True
@@ -77,7 +77,7 @@ class DraftGrid(QAbstractScrollArea):
             self.shown, self.cell, self._viewport_size(), (across, down), self.as_cloth
         )
 
-    def show_draft(self, shown: Shown | None) -> None:
+    def show_draft(self, shown: EditableDraft | None) -> None:
         """Show a draft."""
         before = self.shown
         self.shown = shown

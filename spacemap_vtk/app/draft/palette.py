@@ -8,7 +8,7 @@ from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
 from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 
 from spacemap_vtk.app.widgets import painter_on
-from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.scenes.editable_draft import EditableDraft
 
 #: Side of a colour, and gap between colours, in pixels.
 _SIDE = 22
@@ -39,7 +39,7 @@ class Palette(QWidget):
         """Clear the palette for another draft."""
         self.colors = []
 
-    def show_colors(self, shown: Shown) -> None:
+    def show_colors(self, shown: EditableDraft) -> None:
         """Add the colours of a draft; present ones keep their places."""
         colors = np.concatenate([shown.warp, shown.weft])
         unique, first = np.unique(colors, axis=0, return_index=True)

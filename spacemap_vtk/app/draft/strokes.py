@@ -69,7 +69,7 @@ class Stroke:
             return shown
         colors = colors.copy()
         colors[index] = np.array(self._color, dtype=np.uint8)
-        return shown.painted(self.panel, colors)
+        return shown.with_colors(self.panel, colors)
 
 
 def _marks_of(

@@ -24,7 +24,7 @@ from spacemap_vtk.app.widgets import column, narrow, painter_on, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.places import SIDES, parse_places
 from spacemap_vtk.parameters import Choice, Integer, Parameter
-from spacemap_vtk.scenes.assignments import value_of
+from spacemap_vtk.scenes.assignments import parse_value
 
 #: A whole number with at most so many allowed values has a combo box instead of a slider.
 _MAX_CHOICES = 5
@@ -45,7 +45,7 @@ class TextEditor(LineEditor):
 
     def parse_text(self, text: str) -> Any:
         """Convert a text to a number, list or string; an empty one to None if it is optional."""
-        return None if text == "" and self.parameter.optional else value_of(text)
+        return None if text == "" and self.parameter.optional else parse_value(text)
 
 
 class ChoiceEditor(Editor):
@@ -116,7 +116,7 @@ class ColorEditor(LineEditor):
         row(self, self.button, (self.line, 1))
 
     def show_value(self, value: Any) -> None:
-        self.show_text("" if value is None else self.parameter.show(value))
+        self.show_text("" if value is None else self.parameter.format(value))
         fill = self.shown or "transparent"
         self.button.setStyleSheet(
             f"background-color: {fill}; border: 1px solid #8a94a3; border-radius: 4px;"
@@ -238,7 +238,7 @@ class ColorsEditor(LineEditor):
 
     def show_value(self, value: Any) -> None:
         """Show the colours as swatches and as codes."""
-        self.show_text("" if value is None else self.parameter.show(value))
+        self.show_text("" if value is None else self.parameter.format(value))
         self._colors = self.shown.split(", ") if self.shown else []
         self.swatches.show_colors(self._colors)
         self.line.setCursorPosition(0)
@@ -247,7 +247,7 @@ class ColorsEditor(LineEditor):
         """Show the value in use also as a swatch."""
         super().show_in_use(value)
         if not self._colors:
-            self.swatches.show_colors([] if value is None else [self.parameter.show(value)])
+            self.swatches.show_colors([] if value is None else [self.parameter.format(value)])
 
     def _choose_color(self, number: int) -> None:
         before = QColor(self.swatches.colors[number] if self.swatches.colors else "#2d6a8e")

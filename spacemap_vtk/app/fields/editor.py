@@ -8,7 +8,7 @@ from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.units import pretty
+from spacemap_vtk.units import typeset_units
 
 
 class Editor(QWidget):
@@ -65,7 +65,7 @@ class LineEditor(Editor):
             value = float(f"{value:.4g}")
         elif isinstance(value, tuple) and all(isinstance(each, float) for each in value):
             value = self.parameter.convert([float(f"{each:.4g}") for each in value])
-        text = self.parameter.automatic if value is None else pretty(self.parameter.show(value))
+        text = self.parameter.automatic if value is None else typeset_units(self.parameter.format(value))
         self.line.setPlaceholderText(text)
 
     def show_text(self, text: str) -> None:

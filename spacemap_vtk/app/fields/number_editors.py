@@ -20,8 +20,8 @@ from spacemap_vtk.app.fields.editor import Editor, LineEditor, ignore_wheel
 from spacemap_vtk.app.fields.parameter_info import STEPS, SliderSpan, add_shown_unit, slider_span
 from spacemap_vtk.app.widgets import painter_on, row
 from spacemap_vtk.parameters import AUTOMATIC, Parameter, Real, Vector
-from spacemap_vtk.scenes.assignments import value_of
-from spacemap_vtk.units import pretty
+from spacemap_vtk.scenes.assignments import parse_value
+from spacemap_vtk.units import typeset_units
 
 _Role = QPalette.ColorRole
 _bursts = itertools.count(1)

@@ -107,7 +107,7 @@ class SliderSpan:
         number = self.number_at(step)
         if real.kind == "integer":
             return round(number)
-        return real.show(number) if real.unit else number
+        return real.format(number) if real.unit else number
 
     def step_at(self, number: float) -> int:
         """Return the step nearest to a number."""

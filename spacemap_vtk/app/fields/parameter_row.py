@@ -24,7 +24,7 @@ from spacemap_vtk.app.fields.parameter_info import format_interval
 from spacemap_vtk.app.fields.pattern_editor import PatternEditor
 from spacemap_vtk.app.widgets import column, mark_bad, note, row, tool_button
 from spacemap_vtk.parameters import AUTOMATIC, Integer, Parameter
-from spacemap_vtk.units import pretty
+from spacemap_vtk.units import typeset_units
 
 _EDITORS: dict[str, Callable[[Any], Editor]] = {
     "real": NumberEditor,

@@ -23,7 +23,7 @@ from spacemap_vtk.app.widgets import column, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_parameters import pattern_repeat
 from spacemap_vtk.parameters import Parameter
-from spacemap_vtk.scenes.assignments import value_of
+from spacemap_vtk.scenes.assignments import parse_value
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 
@@ -100,7 +100,7 @@ class PatternEditor(Editor):
 
     def _submit_text(self) -> None:
         if self.is_new(self.line.text()):
-            self.edited.emit(value_of(self.line.text()), 0)
+            self.edited.emit(parse_value(self.line.text()), 0)
 
     def _submit_repeat(self, burst: int) -> None:
         self.edited.emit(drawdown.to_rows(self.grid.repeat), burst)

@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QLabel, QPushButton, QSizePolicy, QWidget
 
 from spacemap_vtk.app.widgets import row, tool_button
-from spacemap_vtk.errors import SpacemapError, one_line, shown
+from spacemap_vtk.errors import SpacemapError, format_error, format_value
 
 #: Most letters of a list of allowed values.
 _MAX_LENGTH = 200
@@ -90,11 +90,11 @@ class _ErrorKind(QObject):
 
 def _format_error(error: BaseException) -> str:
     if not isinstance(error, SpacemapError):
-        return one_line(error)
+        return format_error(error)
     # Without the file name: the window shows it, and it would push the cure out of view.
     where = f"{error.section}.{error.key}" if error.section and error.key else error.key or ""
     if where and error.value is not None:
-        where += f" = {shown(error.value)}"
+        where += f" = {format_value(error.value)}"
     text = f"{where}: {error.message}" if where else error.message
     if error.allowed:
         # A full list of file endings would leave no room for the view.

@@ -30,8 +30,8 @@ from spacemap_vtk.scenes import report
 from spacemap_vtk.scenes.figure_list import (
     Figure,
     cloth_figures,
+    heading_with_unit,
     textile_figures,
-    with_unit,
     yarn_figures,
 )
 from spacemap_vtk.scenes.scene import Scene
@@ -90,7 +90,7 @@ def _compute_figures(
     yield
     if figures is None:
         assert scene.woven is not None
-        figures, cloth = report.cloth(scene), scene.woven.cloth
+        figures, cloth = report.report_cloth(scene), scene.woven.cloth
         yield
         families = range(2 if figures["thickness"] is not None else 0)
         cuts, colors = (
@@ -256,8 +256,8 @@ class FiguresTab(QWidget):
     def _copy(self) -> None:
         lines = ["\tWarp\tWeft"]
         for figures in self._rows:
-            cells = [f.entry if f.unit else f.told for f in figures]
-            lines.append("\t".join([with_unit(figures[0].label, figures[0].unit), *cells]))
+            cells = [f.entry if f.unit else f.text for f in figures]
+            lines.append("\t".join([heading_with_unit(figures[0].label, figures[0].unit), *cells]))
         QGuiApplication.clipboard().setText("\n".join(lines) + "\n")
 
 

@@ -35,7 +35,7 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.modal.damping import Damping, HasDamping
 from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, describe_unresolved_modes
 from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
-from spacemap_vtk.units import aligned, pretty
+from spacemap_vtk.units import align_decimals, typeset_units
 
 _HEADINGS = ("Mode", "f [Hz]", "Damping", "Mass")
 _FREQUENCY = _HEADINGS.index("f [Hz]")

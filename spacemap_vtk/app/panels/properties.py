@@ -23,8 +23,8 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.parameters import Parameter, Parameterised
-from spacemap_vtk.scenes.chain import sections
-from spacemap_vtk.scenes.face import picture_size
+from spacemap_vtk.scenes.flat_picture import picture_size
+from spacemap_vtk.scenes.pipeline import section_classes
 
 #: Shortest time between two computations of feasible intervals, in s. During a drag, one
 #: computation costs as much as a few frames.
@@ -83,7 +83,7 @@ class Properties(QScrollArea):
         self._shown = None
         self._next_limits = 0.0
         page = QWidget()
-        cls = sections()[section]
+        cls = section_classes()[section]
         about = note((cls.__doc__ or "").strip().splitlines()[0])
         self.search = QLineEdit(placeholderText="Search parameters", clearButtonEnabled=True)
         self.search.textChanged.connect(self._filter_rows)

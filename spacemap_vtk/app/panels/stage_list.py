@@ -20,7 +20,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTree
 
 from spacemap_vtk.app.widgets import RIGHT, painter_on, single_shot
 from spacemap_vtk.filters.base import ROLES, Stage
-from spacemap_vtk.scenes.chain import sections, words_of
+from spacemap_vtk.scenes.pipeline import section_classes, stage_title
 from spacemap_vtk.scenes.scene import Scene
 
 #: Colour of the dot and description of each state.

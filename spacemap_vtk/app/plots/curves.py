@@ -84,7 +84,7 @@ class Curves:
 def motion_key(document: Document) -> str:
     """Return a key that changes when the motion of a scene changes."""
     scene = document.scene
-    last = scene.deforming if scene.moves else scene.source
+    last = scene.cage_stage if scene.moves else scene.source
     stages = scene.stages[: scene.stages.index(last) + 1]
     return repr({stage.section: document.values.get(stage.section) for stage in stages})
 
@@ -95,7 +95,7 @@ def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None
     times = np.linspace(request.start, request.stop, SAMPLES)
     if not scene.moves:
         return None
-    mover = scene.deforming
+    mover = scene.cage_stage
     model = mover.motion
     if model is None:
         # A separate stage reads the motion: the scene's stage would run again at each time, and

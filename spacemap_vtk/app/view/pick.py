@@ -16,7 +16,7 @@ from spacemap_vtk.draw.actors.surface_actor import Span
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.units import format_quantity, pretty
+from spacemap_vtk.units import format_quantity, typeset_units
 
 Point = tuple[float, float, float]
 
@@ -71,7 +71,7 @@ class Pick:
         numbers, value = surface.GetPointData().GetArray(COLOR_VALUES), None
         if numbers is not None:
             value = numbers.GetTuple1(nearest)
-        elif frame.crossings is not None and COLORINGS[frame.color].scaled and self.crossed:
+        elif frame.crossings is not None and COLORINGS[frame.color].has_scale and self.crossed:
             assert self.family is not None
             assert self.number is not None
             end, pick = (self.number, self.crossed)[:: 1 - 2 * self.family]

@@ -123,7 +123,7 @@ class View3D(QWidget):
         self._observe_camera()
         #: Sections of a scene file that belong to sources.
         self._sources = [
-            name for name, cls in sections().items() if getattr(cls, "role", "") == "source"
+            name for name, cls in section_classes().items() if getattr(cls, "role", "") == "source"
         ]
         #: Values of the source of the last fine frame, and the size of its object in m.
         self._source_state: tuple[object, float] = None, 0.0

@@ -201,7 +201,7 @@ class ViewBar(QToolBar):
                 if self.coloring.count():
                     self.coloring.insertSeparator(self.coloring.count())
                 for name in names:
-                    self.coloring.addItem(COLORINGS[name].words, name)
+                    self.coloring.addItem(COLORINGS[name].title, name)
             self.coloring.view().setMinimumWidth(self.coloring.view().sizeHintForColumn(0) + 12)
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)

@@ -17,8 +17,8 @@ from spacemap_vtk.app.fields.parameter_info import (
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
-from spacemap_vtk.scenes.assignments import value_of
-from spacemap_vtk.scenes.chain import words_of
+from spacemap_vtk.scenes.assignments import parse_value
+from spacemap_vtk.scenes.pipeline import stage_title
 from spacemap_vtk.scenes.scene import Scene
 
 #: Editor for each kind of parameter. For security, kinds that name files are excluded: the page
@@ -75,7 +75,7 @@ class ParameterRows:
             rows = self._rows(section, part, values.get(section, ()))
             if rows:
                 about = (type(part).__doc__ or "").strip().splitlines()[0]
-                name = words_of(type(part).__name__)
+                name = stage_title(type(part).__name__)
                 sections.append({"name": section, "label": name, "about": about, "rows": rows})
         return sections
 

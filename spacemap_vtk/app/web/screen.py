@@ -146,7 +146,7 @@ class Screen:
         frame, view = self.frame, self._view
         if frame is None:
             return
-        view = view.within(self.dark)
+        view = view.for_window(self.dark)
         width, height = self.window.size
         units = round(width / self._ratio), max(540, round(height / self._ratio) * 3 // 4)
         self.scene_view.fit(view, units, self._ratio, self._ratio * view.line_scale)

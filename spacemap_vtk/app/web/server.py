@@ -28,7 +28,7 @@ from urllib.parse import urlsplit
 from spacemap_vtk.app.requirements import require_packages
 from spacemap_vtk.app.web.session import TIME_STEPS, Session
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.vanishing import ENDING
+from spacemap_vtk.temporary_files import END_SIGNALS
 
 #: Packages of the extra ``[web]``, by their import names.
 PACKAGES = ("trame", "trame_client", "aiohttp")
@@ -246,7 +246,7 @@ def _end_signal() -> asyncio.Future[None]:
             ended.set_result(None)
 
     with contextlib.suppress(NotImplementedError):  # on Windows Ctrl-C raises KeyboardInterrupt
-        for number in (signal.SIGINT, *ENDING):
+        for number in (signal.SIGINT, *END_SIGNALS):
             loop.add_signal_handler(number, end)
     return ended
 

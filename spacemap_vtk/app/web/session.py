@@ -15,14 +15,14 @@ from spacemap_vtk.app.web.screen import Screen
 from spacemap_vtk.app.work.frame_request import CANCEL_AFTER, FrameRequest
 from spacemap_vtk.app.work.pipeline import Pipeline
 from spacemap_vtk.cancel import Cancelled, CancelToken
-from spacemap_vtk.datasets.modal_model import measures_in
-from spacemap_vtk.errors import InputError, SpacemapError, one_line
+from spacemap_vtk.datasets.modal_model import solver_results
+from spacemap_vtk.errors import InputError, SpacemapError, format_error
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.assignments import parsed, value_of
-from spacemap_vtk.scenes.chain import sections, words_of
+from spacemap_vtk.scenes.assignments import parse_value, split_assignment
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.origin import elsewhere
+from spacemap_vtk.scenes.pipeline import section_classes, stage_title
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import CAMERAS
 from spacemap_vtk.units import format_quantity
 
@@ -194,7 +194,7 @@ class Session:
         while not (await asyncio.wait([run], timeout=_NOTICE_DELAY))[0]:
             section, share, step = self._running
             if section:
-                stage = words_of(sections()[section].__name__)
+                stage = stage_title(section_classes()[section].__name__)
                 with self.state:
                     self.state.work = {"stage": stage, "share": share, "step": step}
         self._begun, self._follows_camera = None, False

@@ -163,7 +163,7 @@ class ExportDialog(QDialog):
         }
         for name, label in labels.items():
             parameter = animation.parameter(name)
-            shown = parameter.show(getattr(animation, name))
+            shown = parameter.format(getattr(animation, name))
             line = QLineEdit(shown, toolTip=parameter.help)
             line.textChanged.connect(self._update_summary)
             form.addRow(label, line)

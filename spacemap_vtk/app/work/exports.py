@@ -32,9 +32,9 @@ from spacemap_vtk.io.registry import (
     writer_endings,
 )
 from spacemap_vtk.jobs import make_data_job, make_job
-from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.scenes.flat_picture import picture_size
 from spacemap_vtk.scenes.level_of_detail import choose_level
+from spacemap_vtk.scenes.memory_estimates import PictureRequest
 
 #: Most letters of a file name in the status line.
 _MAX_NAME = 16

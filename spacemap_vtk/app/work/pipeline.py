@@ -19,7 +19,7 @@ from vtkmodules.vtkCommonExecutionModel import vtkTrivialProducer
 from spacemap_vtk import cancel
 from spacemap_vtk.app.work.frame_request import FrameRequest, Pull, Swing
 from spacemap_vtk.cancel import CancelToken
-from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, copied, points_of
+from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, points_of, shallow_copy
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.sheet_actor import coarsen_sheet
@@ -33,15 +33,15 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, PatchTessellator
 from spacemap_vtk.mechanics.response.cage_response import Motion
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.footprint import DRAWN_POINT
 from spacemap_vtk.scenes.level_of_detail import (
     LEAST_SIDES,
     DrawnCloth,
     choose_level,
     quads_in_view,
 )
+from spacemap_vtk.scenes.memory_estimates import DRAWN_POINT
 from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in 1/20 s, the time of a frame during a drag.
@@ -120,7 +120,7 @@ class Pipeline:
         source: Stage = stages[-1]
         cage = None
         if swing and solver:
-            cage = copied(solver.output)
+            cage = shallow_copy(solver.output)
             if isinstance(swing, Pull):
                 _add_pull(cage, swing)
             else:

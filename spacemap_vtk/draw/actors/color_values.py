@@ -37,7 +37,7 @@ def color_values(surface: vtkPolyData, color: str) -> Singles | None:
         return _cached_clearances(surface)
     name, of_cells = COLORINGS[color].array, surface.GetCellData()
     array = surface.GetPointData().GetArray(name)
-    if not COLORINGS[color].scaled or (array is None and not of_cells.HasArray(name)):
+    if not COLORINGS[color].has_scale or (array is None and not of_cells.HasArray(name)):
         return None
     values = (
         _cell_values_at_points(surface, of_cells.GetArray(name))

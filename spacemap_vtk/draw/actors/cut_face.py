@@ -13,7 +13,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkFiltersGeneral import vtkContourTriangulator
 
-from spacemap_vtk.datasets.arrays import add_array, points_of, take_arrays, to_points, to_rings
+from spacemap_vtk.datasets.arrays import add_array, copy_rows, points_of, to_points, to_rings
 from spacemap_vtk.draw.actors.glyphs import Cut
 from spacemap_vtk.draw.actors.surface_actor import STUDIO, Span, SurfaceActor
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -93,7 +93,7 @@ def compute_cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     if areas[kept].min() < 0.0:
         return _fill_with_holes(face, loops)
     face.SetPolys(to_rings(loops))
-    take_arrays(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
+    copy_rows(surface.GetCellData(), face.GetCellData(), cells[first[kept]])
     triangulated = vtkTriangleFilter()
     triangulated.SetInputData(face)
     # The executive's Update keeps Python's global lock: see `Stage.update`.

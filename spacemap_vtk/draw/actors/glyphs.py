@@ -92,7 +92,7 @@ class OutlineActor(PlainActor):
     ) -> None:
         """Draw lines with a width in pixels, in a picture of `size`, but at most `most` m wide."""
         self.GetMapper().SetInputData(surface)
-        self.GetProperty().SetColor(*(part / 255 for part in style.outline_ink))
+        self.GetProperty().SetColor(*(part / 255 for part in style.outline_color))
         uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
         self.width, self.max_width = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), most
         uniforms.SetUniform2f("wider", self.width)

@@ -97,7 +97,7 @@ def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, fl
     triples |= {f"lamp{k}": colors[k] for k in range(_LAMPS)}
     triples |= {"halfway": halfway / np.linalg.norm(halfway), "sky": style.sky}
     triples |= {"earth": style.earth, "dark": dark, "pale": pale}
-    triples["ink"] = np.array(style.outline_ink) / 255
+    triples["ink"] = np.array(style.outline_color) / 255
     numbers = {
         "wrap": style.wrap,
         "gloss": style.gloss,
@@ -106,7 +106,7 @@ def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, fl
         "facing": style.facing,
         "colored": style.colored,
         # Half the width of a line. `OutlineActor` draws the other half outside the silhouette.
-        "lined": style.outline_afar if style.outline else 0.0,
+        "lined": style.outline_far_share if style.outline else 0.0,
         "lineWidth": 0.5 * style.outline * point,
         # Cosine between normal and view at the largest distance of a line from the silhouette.
         "rim": math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2),

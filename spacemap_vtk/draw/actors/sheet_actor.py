@@ -22,8 +22,8 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from spacemap_vtk.datasets.arrays import (
+    copy_rows,
     points_of,
-    take_arrays,
     to_array,
     to_cells,
     to_image,
@@ -369,9 +369,9 @@ class SheetActor(SurfaceActor):
         crossings: NDArray[Any] | None = None,
     ) -> None:
         """Draw the deformed sheet of a cloth."""
-        scaled = COLORINGS[color].numbers
+        scaled = COLORINGS[color].shows_numbers
         numbers = crossings if scaled else None
-        worn = style if numbers is None else style.of_numbers
+        worn = style if numbers is None else style.for_numbers
         self.show(sheet, color if scaled else "own", (255, 255, 255), span, style=worn)
         if numbers is not None:
             span = span or natural_span(numbers)
@@ -486,7 +486,7 @@ def coarsen_sheet(
     made = vtkPolyData()
     made.SetPoints(to_points(points_of(sheet)[chosen]))
     made.SetPolys(to_cells(polygons))
-    take_arrays(sheet.GetPointData(), made.GetPointData(), chosen)
+    copy_rows(sheet.GetPointData(), made.GetPointData(), chosen)
     return made
 
 

@@ -27,7 +27,7 @@ from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
 from spacemap_vtk.scenes.styles import STYLES, Style
-from spacemap_vtk.units import pretty
+from spacemap_vtk.units import typeset_units
 
 #: Colours of warp and weft, if the families have different colours.
 FAMILIES = ("#2f7fb0", "#e2a03f")
@@ -214,7 +214,7 @@ def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
 
 def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
     """Return whether a surface's stored colours belong to points, and their array name, or None."""
-    of_cells, of_points = (colors_in(d) for d in (surface.GetCellData(), surface.GetPointData()))
+    of_cells, of_points = (color_array_name(d) for d in (surface.GetCellData(), surface.GetPointData()))
     name = of_cells or of_points
     return None if name is None else (of_cells is None, name)
 
@@ -256,7 +256,7 @@ def color_bar_title(color: str, unit: str) -> str:
     """Return the title of a scale, broken into short lines."""
     quantity, _, which = COLORINGS[color].label.partition(", ")
     lines = [quantity, *([which] if len(which) <= len("Displacement") else which.split())]
-    return "\n".join(line for line in (*lines, unit and f"[{pretty(unit)}]") if line)
+    return "\n".join(line for line in (*lines, unit and f"[{typeset_units(unit)}]") if line)
 
 
 def color_bar_share(size: tuple[float, float]) -> float:

@@ -13,7 +13,7 @@ from spacemap_vtk.draw.camera import pixels_per_metre_at_focus
 from spacemap_vtk.draw.figure.page import SMALL, TEXT, PageStyle
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.units import format_quantity, pretty
+from spacemap_vtk.units import format_quantity, typeset_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,5 +115,5 @@ def _draw_colors(axes: Axes, paper: PageStyle, color: str, span: tuple[float, fl
         x = left + (number - low) / (high - low) * wide
         axes.plot([x, x], [4.4, 3.7], color=paper.ink, linewidth=0.5)
         axes.text(x, 3.3, f"{number:g}".replace("-", "−"), ha="center", va="top", **style)
-    label = COLORINGS[color].label + (f" [{pretty(unit)}]" if unit else "")
+    label = COLORINGS[color].label + (f" [{typeset_units(unit)}]" if unit else "")
     axes.text(left, 7.3, label, va="bottom", **style)

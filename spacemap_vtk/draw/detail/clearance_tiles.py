@@ -62,7 +62,7 @@ class ClothTile(NamedTuple):
         made.SetPolys(to_cells(self.inner_quads))
         kept = np.flatnonzero(np.repeat(self.inside, self.quads.shape[1]))
         made.GetCellData().Initialize()
-        take_arrays(self.surface.GetCellData(), made.GetCellData(), kept)
+        copy_rows(self.surface.GetCellData(), made.GetCellData(), kept)
         return made
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import copied, points_of
+from spacemap_vtk.datasets.arrays import points_of, shallow_copy
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.draw.actors.sheet_actor import add_directions, make_sheet
 from spacemap_vtk.draw.detail.clearance_tiles import Clearances, SampledClearances, sheet_strains
@@ -33,9 +33,9 @@ class _SheetWarp(BarycentricWarp):
 
     follows: bool = False
 
-    def _tell(self, text: str) -> None:
+    def _issue_warning(self, text: str) -> None:
         if not self.follows:
-            super()._tell(text)
+            super()._issue_warning(text)
 
 
 class ClothSheet:
@@ -44,7 +44,7 @@ class ClothSheet:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         assert scene.woven is not None
-        with scene.naming_file():
+        with scene.add_file_to_errors():
             self.cloth: Cloth = scene.woven.cloth
         self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
         self._flat = self.moved = make_sheet(self.cloth, self.cells)
@@ -121,7 +121,7 @@ class ClothSheet:
             settings["outside"] = "extrapolate"
         self._warp.configure(**settings)
         self._warp.color_array = self._scene.warp.color_array
-        self.moved = copied(self._warp(self._flat, cage))
+        self.moved = shallow_copy(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
 
     def _update_crossings(self, cage: vtkUnstructuredGrid | None, coarse: bool) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import copied
+from spacemap_vtk.datasets.arrays import shallow_copy
 from spacemap_vtk.datasets.processes import WHOLE, Piece
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -48,7 +48,7 @@ class PartStages:
         """Set the cage that moves the yarns."""
         for stage in self.all[1:]:
             if len(stage.takes) > 1:
-                stage.SetInputDataObject(1, copied(cage))
+                stage.SetInputDataObject(1, shallow_copy(cage))
 
     def use_color_array(self) -> None:
         """Interpolate the array that the scene's colours show."""
@@ -70,5 +70,5 @@ class PartStages:
 
     def update(self, time: float, piece: Piece = WHOLE) -> vtkPolyData:
         """Return a copy of the surface at a time [s]."""
-        with self.scene.naming_file():
-            return copied(self.surface.update(time, piece).output)
+        with self.scene.add_file_to_errors():
+            return shallow_copy(self.surface.update(time, piece).output)

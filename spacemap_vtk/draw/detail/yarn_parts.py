@@ -20,7 +20,12 @@ from spacemap_vtk.draw.detail.part_stages import PartStages, yarn_settings
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import Bools
-from spacemap_vtk.scenes.level_of_detail import DrawnCloth, Form, LevelOfDetail, choose_near
+from spacemap_vtk.scenes.level_of_detail import (
+    DrawingMethod,
+    DrawnCloth,
+    LevelOfDetail,
+    choose_near,
+)
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.partition import crop_cloth, select_piece
@@ -130,12 +135,12 @@ class NearYarns:
         )
         if columns.stop * rows.stop == 0:
             return "none of the cloth is in sight"
-        cloth = DrawnCloth.of(self._scene)
+        cloth = DrawnCloth.from_scene(self._scene)
         assert cloth is not None
         points = points_of(sheet.moved).reshape(sheet.cells[1] + 1, sheet.cells[0] + 1, 3)
         near = points[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
         scale = pixels_per_metre(camera, near.reshape(-1, 3).astype(np.float64), height)
-        if choose_near(cloth, scale, 0, seen.size).form is Form.SHEET:
+        if choose_near(cloth, scale, 0, seen.size).method is DrawingMethod.SHEET:
             return TOO_FAR.format(scale * cloth.spacing)
         wanted = columns, rows
         if not _covers(self.part, wanted):

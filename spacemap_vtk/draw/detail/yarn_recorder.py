@@ -11,7 +11,7 @@ from spacemap_vtk.draw.actors.color_values import color_values, scale_unit
 from spacemap_vtk.draw.actors.surface_actor import RAMP, color_bar_title, natural_span
 from spacemap_vtk.embedding.morph_targets import find_morph_targets
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import AnyInts, Bytes, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
@@ -66,7 +66,7 @@ class YarnRecorder:
             found = self._curves.points
         if not self._points.size:
             size = 12 * self._times * len(found)
-            require(size, f"{self._strands} at {self._times} times", cure="Take fewer of them.")
+            require_memory(size, f"{self._strands} at {self._times} times", cure="Take fewer of them.")
             self._points = np.zeros((self._times, *found.shape), np.float32)
         self._points[number] = found
 
@@ -108,9 +108,9 @@ class SurfaceRecorder(YarnRecorder):
         super().__init__(scene, times, strands)
         self._rows = rows
         self._values: Singles | None = None
-        if numbers and COLORINGS[scene.view.color].numbers:
+        if numbers and COLORINGS[scene.view.color].shows_numbers:
             # Single precision for the record, and double precision for its decomposition.
-            require(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
+            require_memory(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
             self._values = np.zeros((times, len(rows)), np.float32)
 
     def record(self, number: int) -> None:

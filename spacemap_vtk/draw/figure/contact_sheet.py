@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from spacemap_vtk.ndarrays import Bytes
-from spacemap_vtk.scenes.runs import Sweep
+from spacemap_vtk.scenes.sweep import Sweep
 from spacemap_vtk.units import format_quantity
 
 #: _WIDE: approximate width of a sheet in pixels. _NARROWEST, _WIDEST: limits of a cell's width.

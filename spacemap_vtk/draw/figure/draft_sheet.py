@@ -13,7 +13,7 @@ import numpy as np
 
 from spacemap_vtk.draw.figure.page import POINT, SMALL, PageStyle, Tile
 from spacemap_vtk.ndarrays import Bools, Bytes, Floats
-from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.scenes.editable_draft import EditableDraft
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ LARGEST, _LINED = 4.5, 0.7
 _GROUP = 4
 
 
-def draft_tile(shown: Shown, caption: str) -> Tile:
+def draft_tile(shown: EditableDraft, caption: str) -> Tile:
     """Return a tile with the drawing of a draft."""
     rows = shown.size[1] + _GAP + shown.loom.shafts + _NEAR + _STRIP
     across = shown.size[0] + _GAP + shown.columns + _NEAR + _STRIP

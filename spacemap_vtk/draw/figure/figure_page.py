@@ -21,10 +21,9 @@ from spacemap_vtk.draw.figure.sheets import period_times
 from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Extent, Picture, combine_extents, motion_extent
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.ndarrays import Floats, Tell
-from spacemap_vtk.scenes.face import lengths_of
-from spacemap_vtk.scenes.origin import values_of
-from spacemap_vtk.scenes.runs import Run, Sweep, runs_of
+from spacemap_vtk.ndarrays import Floats, StepProgress
+from spacemap_vtk.scenes.editable_draft import make_editable_draft
+from spacemap_vtk.scenes.flat_picture import cloth_lengths
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.shown import shown_of
 from spacemap_vtk.textile.geometry.cross_section import cut_cloth
@@ -91,9 +90,9 @@ class FigurePage(PageStyle):
 
 def make_figure(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
     """Return a scene's figure; with swept values, only pictures show more than the first one."""
-    sweep = runs_of(
+    sweep = make_sweep(
         scene,
-        values_of(scene),
+        scene_values(scene),
         asked.lists,
         file=(scene.file or Path("scene")).absolute(),
         paired=asked.paired,
@@ -152,7 +151,7 @@ def _cloth_scene(run: Run) -> Scene:
     """Return a scene with the cloth alone, cut to the ends and picks that can be seen."""
     whole = run.scene()
     source = whole.source.section
-    scene = Scene({"title": whole.title, source: run.whole.get(source, {})}, run.file)
+    scene = Scene({"title": whole.title, source: run.scene_values.get(source, {})}, run.file)
     assert scene.woven is not None
     ends, picks = scene.woven.cloth.size
     if max(ends, picks) > _SEEN:
@@ -167,9 +166,9 @@ def _weave_row(
 ) -> list[Tile]:
     """Return draft and cloth side by side, with each pick beside its row of the draft."""
     assert scene.woven is not None
-    shown = shown_of(scene.woven)
+    shown = make_editable_draft(scene.woven)
     ends, picks = shown.size
-    sides = lengths_of(scene.woven.cloth)
+    sides = cloth_lengths(scene.woven.cloth)
     shape = sides[1] / sides[0]
 
     def draw(axes: Axes, paper: PageStyle) -> None:

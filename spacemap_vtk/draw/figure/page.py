@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.ndarrays import Tell
+from spacemap_vtk.ndarrays import StepProgress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

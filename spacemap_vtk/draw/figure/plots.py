@@ -52,8 +52,8 @@ def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> F
     """Plot the motion of a point of the cage, with its frequency response or the energies."""
     from spacemap_vtk.scenes import report
 
-    figures = report.modes(scene)
-    mover, last_stage = scene.stage("mover"), scene.deforming
+    figures = report.report_modes(scene)
+    mover, last_stage = scene.stage("mover"), scene.cage_stage
     last = 0.0 if mover is None else (mover.time_range([]) or (0.0, 0.0))[1]
     # The stage computes the steps, because it keeps them and reports progress.
     scene.update_stage(last_stage, last if isinstance(mover, TransientResponse) else 0.0)

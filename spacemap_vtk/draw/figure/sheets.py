@@ -14,7 +14,7 @@ from vtkmodules.vtkFiltersGeneral import vtkWarpVector
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-from spacemap_vtk.datasets.arrays import copied, points_of
+from spacemap_vtk.datasets.arrays import points_of, shallow_copy
 from spacemap_vtk.datasets.modal_model import model_of
 from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.surface_actor import SurfaceActor, rgb
@@ -27,9 +27,9 @@ from spacemap_vtk.draw.picture import Picture, combine_extents, motion_extent
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.mechanics.response.linear_range import measure_extremes
-from spacemap_vtk.ndarrays import Bytes, Tell
+from spacemap_vtk.ndarrays import Bytes, StepProgress
 from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.motions import MOTIONS, loaded_cage, take_motion
+from spacemap_vtk.scenes.motions import MOTIONS, require_loads, set_motion
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
@@ -48,16 +48,16 @@ _INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
 def period_times(scene: Scene) -> list[float]:
     """Return times over a period of a scene's first vibrating mode, or over its whole motion."""
     if not scene.stage("solver"):
-        mover = scene.stage("mover") or scene.deforming
+        mover = scene.stage("mover") or scene.cage_stage
         first, last = mover.time_range([]) or (0.0, 0.0)
         return np.linspace(first, last, _TIMES).tolist()
-    swinging = [m["frequency_hz"] for m in report.modes(scene)["modes"] if m["frequency_hz"] > 0.0]
+    swinging = [m["frequency_hz"] for m in report.report_modes(scene)["modes"] if m["frequency_hz"] > 0.0]
     period = 1 / swinging[0] if swinging else scene.animation.stop
     return [float(f"{time:.3g}") for time in np.linspace(0.0, period, _TIMES).tolist()]
 
 
 def storyboard(
-    scene: Scene, times: Sequence[float], size: tuple[int, int] | None, tell: Tell
+    scene: Scene, times: Sequence[float], size: tuple[int, int] | None, tell: StepProgress
 ) -> Bytes:
     """Draw the paper's figure 6: cage above, fabric below, time from left to right."""
     width, height = size or _BOARD
@@ -78,11 +78,11 @@ def motions_board(
     motions: Sequence[str],
     times: Sequence[float],
     size: tuple[int, int] | None,
-    tell: Tell,
+    tell: StepProgress,
 ) -> Bytes:
     """Draw several motions of a scene, one row for each, with time from left to right."""
     width, height = size or (_BOARD[0], _BOARD[1] * len(motions) // 2)
-    given, cell = loaded_cage(scene), (width // len(times), height // len(motions))
+    given, cell = require_loads(scene), (width // len(times), height // len(motions))
     tell(0, 2 * len(motions))
     extents = []
     for count, name in enumerate(motions, 1):
@@ -93,7 +93,7 @@ def motions_board(
     picture = Picture(scene, times, cell, [show], extent=combine_extents(extents))
     rows, labels = [], []
     for count, name in enumerate(motions, 1):
-        take_motion(scene, name, given)
+        set_motion(scene, name, given)
         rows.append(np.concatenate([picture.draw(time) for time in times], axis=1))
         share = 100 * _largest_stretch(scene, times)
         told = f"{share:.0f}" if share >= 1 else f"{share:.1g}"
@@ -105,7 +105,7 @@ def motions_board(
 
 def _largest_stretch(scene: Scene, times: Sequence[float]) -> float:
     """Return the largest relative change of length of the cage's edges over the times."""
-    model, motion = model_of(scene.deformed_cage), scene.deforming.motion
+    model, motion = model_of(scene.deformed_cage), scene.cage_stage.motion
     assert motion is not None
     rest = motion.points if model.displacement is None else motion.points + model.displacement
     return measure_extremes(motion, rest, times, surface=model.pencil.surface).stretch
@@ -130,9 +130,9 @@ def _add_labels(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> By
     return np.asarray(sheet)
 
 
-def mode_sheet(scene: Scene, tell: Tell) -> Bytes:
+def mode_sheet(scene: Scene, tell: StepProgress) -> Bytes:
     """Draw the fabric in each of the first mode shapes, with the cage at rest and displaced."""
-    figures = report.modes(scene)
+    figures = report.report_modes(scene)
     solver = scene.stage("solver")
     assert solver is not None
     scene.update_stage(solver)
@@ -178,7 +178,7 @@ class _ModePainter:
     def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
         if uses_software_renderer():
             scene.warn(WITHOUT_OPENGL)
-        self._scene, self._moved = scene, copied(cage)
+        self._scene, self._moved = scene, shallow_copy(cage)
         vertices = points_of(self._moved)
         self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         # The drawing is twice as large and then averaged, because drivers smooth differently.

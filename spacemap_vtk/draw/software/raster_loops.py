@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats, Singles
-from spacemap_vtk.parallel import compiled
+from spacemap_vtk.parallel import compile_function
 
 #: Lighting of a triangle: none, VTK's lights, or the light of a style.
 UNLIT, PLAIN, STYLED = 0, 1, 2
@@ -28,7 +28,7 @@ ALL, BACK, FRONT = 0, 1, 2
 # `spacemap_vtk.draw.actors.lighting.lighting_tables`.
 
 
-@compiled
+@compile_function
 def fill(
     screen: Floats,
     corners: NDArray[Any],
@@ -82,7 +82,7 @@ def fill(
                 which[row - top, column] = number
 
 
-@compiled
+@compile_function
 def _weights(screen: Floats, a: int, b: int, c: int, x: float, y: float) -> Any:
     """Return perspective-correct weights of a triangle's corners at a place of the picture."""
     ax, ay = screen[a, 0], screen[a, 1]
@@ -105,19 +105,19 @@ def _interpolate(table: Any, a: int, b: int, c: int, w: Any) -> Any:
     )
 
 
-@compiled
+@compile_function
 def _dot(a: Any, b: Any) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@compile_function
 def _unit(a: Any) -> Any:
     length = math.sqrt(_dot(a, a))
     scale = 1.0 / length if length > 0.0 else 0.0
     return a[0] * scale, a[1] * scale, a[2] * scale
 
 
-@compiled
+@compile_function
 def _cross(a: Any, b: Any) -> Any:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
@@ -141,7 +141,7 @@ def _smoothstep(low: float, high: float, x: float) -> float:
     return t * t * (3.0 - 2.0 * t)
 
 
-@compiled
+@compile_function
 def _tone(strand: float) -> float:
     mixed = strand * 0.7548777 + strand * strand * 0.2360680
     return mixed - math.floor(mixed)
@@ -231,7 +231,7 @@ def _tilt(normal: Any, much: float, dx: float, dy: float, right: Any, up: Any) -
     return normal[0] + scale * x, normal[1] + scale * y, normal[2] + scale * z
 
 
-@compiled
+@compile_function
 def shade(
     which: NDArray[Any],
     screen: Floats,

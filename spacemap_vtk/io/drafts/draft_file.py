@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError, MissingLibraryError, Remark
+from spacemap_vtk.errors import InfoMessage, InputError, MissingLibraryError
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.drafts.draft_bytes import (
     LOOSE_THREAD,

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field
 from decimal import Decimal
 
-from spacemap_vtk.errors import InputError, Remark, SizeError
+from spacemap_vtk.errors import InfoMessage, InputError, SizeError
 
 #: Highest number of a thread, shaft or treadle; also the most threads in a family.
 MAX_NUMBER = 100_000

@@ -37,9 +37,9 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
     """Write a surface with its targets and their animations."""
     import numpy as np
 
-    from spacemap_vtk.datasets.moving_surface import linear
+    from spacemap_vtk.datasets.moving_surface import to_linear_light
 
-    buffer, short = _Buffer(), moving.short
+    buffer, short = _Buffer(), moving.quantised
     unit, factors = (1.0, 1.0) if short is None else (short.unit, short.factors)
     materials, primitives = [], []
     for number, material in enumerate(moving.materials):
@@ -50,8 +50,8 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         attributes = {"POSITION": buffer.add(moving.points[rows] / unit, bounds=True)}
         if moving.normals is not None:
             attributes["NORMAL"] = buffer.add(moving.normals[rows])
-        if moving.painted:
-            shares = np.hstack([linear(moving.colors[rows]), np.ones((len(rows), 1))])
+        if moving.has_point_colors:
+            shares = np.hstack([to_linear_light(moving.colors[rows]), np.ones((len(rows), 1))])
             table = np.round(65535 * shares).astype("<u2")
             attributes["COLOR_0"] = buffer.add(table, normalized=True)
         targets = []
@@ -83,7 +83,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
             "version": "2.0",
             "generator": "spacemap_vtk",
             "extras": {
-                **moving.about,
+                **moving.metadata,
                 **({NAME: json.loads(record_text())} if record_text() else {}),
             },
         },

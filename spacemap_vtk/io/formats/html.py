@@ -44,7 +44,7 @@ _ELEMENT_BYTES, _BLOCK_VALUES = 3 * 2**21, 2**18
 @writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, most=2**30)
 def write_html(file: Path, moving: MovingSurface) -> None:
     """Write a page with a surface, its shapes and the weight of each shape over time."""
-    from spacemap_vtk.memory import require
+    from spacemap_vtk.memory import require_memory
 
     require(
         (_POINT + _TARGET_POINT * len(moving.targets)) * len(moving.points),
@@ -72,7 +72,7 @@ def write_html(file: Path, moving: MovingSurface) -> None:
 def _page_content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the description of the page's arrays, and the arrays: rows of integers."""
     middle = 0.5 * (moving.points.min(axis=0) + moving.points.max(axis=0)).astype(float)
-    left = 1.0 - moving.about.get("largest_error", 0.0) / moving.tolerance
+    left = 1.0 - moving.metadata.get("largest_error", 0.0) / moving.tolerance
     # Each point and each shape is rounded by up to half a unit along each axis, and no weight of a
     # shape exceeds 1.
     most = max(min(left, _ROUNDING), _LEAST_ROUNDING) * moving.tolerance
@@ -90,7 +90,7 @@ def _page_content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDAr
         "figures": _page_figures(moving, most),
         "middle": middle.tolist(),
         "unit": unit,
-        "sight": moving.sight._asdict(),
+        "sight": moving.view._asdict(),
         "clips": [
             {
                 "name": clip.name,
@@ -141,8 +141,8 @@ def _page_figures(moving: MovingSurface, rounding: float) -> list[str]:
     found = [" × ".join(f"{length / size:.3g}" for length in lengths) + f" {unit}"]
     if moving.curves is not None:
         found.insert(0, f"{len(moving.curves.counts)} yarns")
-    if "largest_error" in moving.about:
-        count, error = len(moving.targets), moving.about["largest_error"] + rounding
+    if "largest_error" in moving.metadata:
+        count, error = len(moving.targets), moving.metadata["largest_error"] + rounding
         near = format_quantity(error, "m", 2)
         found.append(f"{count} shape{'s' * (count != 1)}, within {near} of the motion")
     elif len(moving.targets):

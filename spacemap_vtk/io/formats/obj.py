@@ -18,7 +18,7 @@ from spacemap_vtk.io.registry import reads, writes
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
-    from spacemap_vtk.datasets.moving_surface import MovingSurface, Shade
+    from spacemap_vtk.datasets.moving_surface import MovingSurface, SurfaceMaterial
     from spacemap_vtk.io.texture_atlas import Material, MaterialSet, TexturedMesh
 
 #: Rows whose text is made at once.
@@ -27,11 +27,11 @@ _BLOCK_ROWS = 2**14
 
 def _referenced_names(path: Path) -> list[str]:
     """Return the material libraries of a file, and the pictures that these name."""
-    from spacemap_vtk.parameters import require_near
+    from spacemap_vtk.parameters import require_local_file
 
     found = file_references.pattern_names(rb"(?:\A|[\r\n])mtllib([^\r\n]*)")(path)
     for library in list(found):
-        require_near(library, path)
+        require_local_file(library, path)
         file = path.parent / library
         if os.path.isfile(file):
             maps = (line for line in _library_lines(file) if line[:1] == ["map_Kd"] and line[1:])
@@ -164,12 +164,12 @@ def _obj_lines(surface: MovingSurface, library: str) -> Iterator[str]:
     from spacemap_vtk.parallel import blocks
 
     yield "\n".join(["# by spacemap_vtk; lengths in m", *record_comments("#"), f"mtllib {library}"])
-    if "colors" in surface.about:
-        yield f"# colours: {surface.about['colors']}"
+    if "colors" in surface.metadata:
+        yield f"# colours: {surface.metadata['colors']}"
     points = len(surface.points)
     for part in blocks(points, _BLOCK_ROWS):
         rows = surface.points[part]
-        if surface.painted:  # in the form that MeshLab and Blender read
+        if surface.has_point_colors:  # in the form that MeshLab and Blender read
             rows = np.hstack([rows, surface.colors[part] / 255.0])
         yield "\n".join("v " + " ".join(f"{x:.9g}" for x in row) for row in rows.tolist())
     corner = "{0}"

@@ -63,7 +63,7 @@ def _foam_files(folder: Path) -> list[Path]:
 )
 def read_with_pyvista(path: Path) -> Any:
     """Read a file; raise clear errors in place of what pyvista and meshio print."""
-    from spacemap_vtk.datasets.quiet import quiet_vtk
+    from spacemap_vtk.datasets.vtk_messages import raise_vtk_errors
     from spacemap_vtk.io.crash_check import check_in_child
     from spacemap_vtk.io.reading import check_point_ids, read_with_vtk
 
@@ -120,12 +120,12 @@ _IMPORTERS = {".3ds": "vtk3DSImporter", ".wrl": "vtkVRMLImporter", ".vrml": "vtk
 def read_scene(path: Path) -> Any:
     """Read the surfaces of a scene, also where no window can be opened."""
     # pyvista would open a plotter, which crashes where there are no OpenGL libraries.
-    from spacemap_vtk.datasets.quiet import quiet_vtk
+    from spacemap_vtk.datasets.vtk_messages import raise_vtk_errors
     from spacemap_vtk.io.crash_check import check_in_child
     from spacemap_vtk.io.reading import check_point_ids
 
     check_in_child(path, f"{__name__}:read_scene")
-    with quiet_vtk(path):
+    with raise_vtk_errors(path):
         from vtkmodules import vtkIOImport
         from vtkmodules.vtkCommonDataModel import vtkMultiBlockDataSet
         from vtkmodules.vtkRenderingCore import vtkRenderer

@@ -95,13 +95,13 @@ def decode_picture(content: bytes, check: Callable[[int, int], None]) -> PillowI
     """Decode a picture after `check` has accepted its width and height."""
     from PIL import Image
 
-    from spacemap_vtk.datasets.quiet import quiet_stderr
+    from spacemap_vtk.datasets.vtk_messages import silence_stderr
 
     # Pillow trusts the lengths in a file. Read from memory, a file gives no more than it has.
     try:
         with (
             warnings.catch_warnings(),
-            quiet_stderr(),
+            silence_stderr(),
             Image.open(BytesIO(content), formats=_DECODED) as picture,
         ):
             warnings.simplefilter("ignore")  # Pillow warns about what cameras have added

@@ -39,8 +39,8 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
     """Write a surface with its targets and their animations."""
     from pxr import Sdf, Tf, Usd
 
-    from spacemap_vtk.memory import require
-    from spacemap_vtk.vanishing import vanishing_folder
+    from spacemap_vtk.memory import require_memory
+    from spacemap_vtk.temporary_files import temporary_folder
 
     require(
         (_POINT + _TARGET_POINT * len(moving.targets)) * len(moving.points),
@@ -75,15 +75,15 @@ def _fill_stage(stage: Any, moving: MovingSurface) -> None:
     import numpy as np
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
-    from spacemap_vtk.datasets.moving_surface import linear
+    from spacemap_vtk.datasets.moving_surface import to_linear_light
 
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if moving.lying else UsdGeom.Tokens.y)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if moving.is_z_up else UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     root = UsdSkel.Root.Define(stage, "/Cloth")
     root.GetPrim().SetDisplayName(moving.title)
     stage.SetDefaultPrim(root.GetPrim())
     stage.GetRootLayer().customLayerData = {
-        key: value for key, value in moving.about.items() if not isinstance(value, list)
+        key: value for key, value in moving.metadata.items() if not isinstance(value, list)
     } | ({NAME: record_text()} if record_text() else {})
     mesh = UsdGeom.Mesh.Define(stage, "/Cloth/Surface")
     mesh.CreatePointsAttr(_vector_array(moving.points))
@@ -100,7 +100,7 @@ def _fill_stage(stage: Any, moving: MovingSurface) -> None:
     if moving.normals is not None:
         mesh.CreateNormalsAttr(_vector_array(moving.normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    if moving.painted:
+    if moving.has_point_colors:
         shown = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
             "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
         )
@@ -113,7 +113,7 @@ def _fill_stage(stage: Any, moving: MovingSurface) -> None:
         shader.CreateIdAttr("UsdPreviewSurface")
         color = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
         color.Set(Gf.Vec3f(*material.color))
-        if moving.painted:
+        if moving.has_point_colors:
             reader = UsdShade.Shader.Define(stage, f"{place}/Colors")
             reader.CreateIdAttr("UsdPrimvarReader_float3")
             reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
@@ -178,7 +178,7 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
     import numpy as np
     from pxr import Usd, UsdGeom, Vt
 
-    from spacemap_vtk.datasets.moving_surface import linear
+    from spacemap_vtk.datasets.moving_surface import to_linear_light
 
     made = UsdGeom.BasisCurves.Define(stage, "/Cloth/Yarns")
     made.CreateTypeAttr(UsdGeom.Tokens.cubic)

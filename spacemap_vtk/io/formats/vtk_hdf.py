@@ -102,7 +102,7 @@ def _write_steps(
 ) -> None:
     import numpy as np
 
-    from spacemap_vtk.memory import require
+    from spacemap_vtk.memory import require_memory
 
     times: list[float] = []
     begin: dict[str, list[int]] = {}

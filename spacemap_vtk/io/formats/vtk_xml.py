@@ -197,11 +197,11 @@ def _add_record(data: vtkDataSet) -> vtkDataSet:
     """Add the record to the field data, as bytes because meshio reads no text there."""
     import numpy as np
 
-    from spacemap_vtk.datasets.arrays import add_array, copied
+    from spacemap_vtk.datasets.arrays import add_array, shallow_copy
 
     if not (data.GetFieldData().HasArray(NAME) or record_text()):
         return data
-    copy = copied(data)
+    copy = shallow_copy(data)
     copy.GetFieldData().RemoveArray(NAME)  # of the file from which an object was read
     if record_text():
         add_array(copy.GetFieldData(), NAME, np.frombuffer(record_text().encode(), np.uint8))

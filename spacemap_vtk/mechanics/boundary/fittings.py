@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.errors import InputError, naming
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.mechanics.boundary.loads import FACES, find_side_faces, traction_forces
 from spacemap_vtk.mechanics.boundary.places import (
     SIDES,
@@ -102,14 +102,14 @@ def make_fittings(
         If a place contains no vertex, two bodies share a vertex, a spring per area is not on a side
         with faces, or nothing can move. The key of the error is the name of the argument.
     """
-    with naming("fixed"):
+    with add_key_to_errors("fixed"):
         held = held_components(vertices, fixed, masks)
         normals = held_directions(vertices, fixed, masks)
-    with naming("rigid"):
+    with add_key_to_errors("rigid"):
         bodies = rigid_bodies(vertices, rigid, masks)
-    with naming("springs"):
+    with add_key_to_errors("springs"):
         stiffness = spring_stiffness(vertices, cells, springs, masks)
-    with naming("masses"):
+    with add_key_to_errors("masses"):
         found = point_masses(vertices, cells, masses, masks)
     return held, Fittings(normals, bodies, stiffness, found)
 

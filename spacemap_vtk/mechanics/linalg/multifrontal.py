@@ -26,7 +26,7 @@ from scipy.sparse import csgraph
 from spacemap_vtk import cancel
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.linalg import blas_threads
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Number of columns that are eliminated at once when eigenvalues are counted. Most fronts have
@@ -141,7 +141,7 @@ class Cholesky:
     def __init__(
         self, matrix: sp.csr_matrix, analysis: Analysis, progress: Progress | None = None
     ) -> None:
-        require(
+        require_memory(
             14 * analysis.entries,
             f"factorising {matrix.shape[0]} degrees of freedom",
             cure="Use a coarser cage.",

@@ -31,7 +31,7 @@ from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.mechanics.response.modal_motion import base_factors, jump_of
 from spacemap_vtk.mechanics.transient.gauss import STAGES, ActingLoads, GaussIntegrator
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Progress
 
 #: First step, as a share of the longest one.
@@ -244,7 +244,7 @@ class SteppedMotion(Motion):
             )
         first = self.last_time
         least = min(max(time - first, 0.0) / self.max_step, 1e30)
-        require(
+        require_memory(
             round(least) * self._rows[0].nbytes,
             f"{least:.3g} steps or more, up to {time:g} s,",
             cure="Request an earlier time, or raise max_step.",
@@ -332,7 +332,7 @@ class SteppedMotion(Motion):
     def _append(self, row: Floats) -> None:
         if self._count == len(self._rows):
             size = (len(row) - COLUMNS) // 2
-            require(
+            require_memory(
                 2 * self._rows.nbytes,
                 f"keeping more than {self._count} steps of {size} degrees of freedom",
                 cure="Use a coarser cage, longer steps or an earlier time.",

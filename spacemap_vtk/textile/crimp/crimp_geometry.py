@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike
 
-from spacemap_vtk.memory import Recycler
+from spacemap_vtk.memory import ArrayPool
 from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL, for_each
 from spacemap_vtk.textile.geometry.arcs import PartPlan, build_axes, build_gaps, plan_parts
@@ -57,7 +57,7 @@ class CrimpGeometry:
 
     def __init__(self, cloth: Cloth, share: YarnSelection = ALL_YARNS) -> None:
         cloth.check()
-        self.cloth, self.share, self._recycler = cloth, share, Recycler()
+        self.cloth, self.share, self._recycler = cloth, share, ArrayPool()
         self._families: list[_Family] = []
         rings = points = 0
         for number in range(2):

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import AnyFloats, Bools, Ints
 from spacemap_vtk.textile.geometry.plies import PHASE_STEP, ply_distance, ring_frames
 from spacemap_vtk.textile.geometry.sweep import Tubes

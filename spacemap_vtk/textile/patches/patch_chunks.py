@@ -11,7 +11,7 @@ on the following, each measured:
   the last operation writes into the interleaved result.
 - Products are computed in blocks of columns that are narrow enough for OpenBLAS to compute each in
   the calling thread (see `spacemap_vtk.parallel.BLAS_SERIAL`).
-- Results begin at multiples of 64 bytes (`spacemap_vtk.memory.aligned`). Otherwise each stored
+- Results begin at multiples of 64 bytes (`spacemap_vtk.memory.allocate_aligned`). Otherwise each stored
   vector crosses a cache line, and a product of two arrays takes twice as long.
 """
 
@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from spacemap_vtk.memory import aligned
+from spacemap_vtk.memory import allocate_aligned
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL
 from spacemap_vtk.textile.patches.bezier import bernstein, bernstein_derivative

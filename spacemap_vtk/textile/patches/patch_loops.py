@@ -21,14 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.parallel import compiled
+from spacemap_vtk.parallel import compile_function
 from spacemap_vtk.simd import LINE, stream_line, subtract_point
 
 _GROUP = 64  # patches; 32 and 128 are slower
 _ROW = 3 * _GROUP  # x, y and z of a group, patch after patch, in the order of the output
 
 
-@compiled
+@compile_function
 def write(
     target: NDArray[Any], begin: int, source: NDArray[Any], count: int, streamed: bool
 ) -> None:
@@ -42,7 +42,7 @@ def write(
             to[k] = source[k]
 
 
-@compiled
+@compile_function
 def evaluate(
     points: NDArray[Any],
     gather: NDArray[Any],
@@ -144,7 +144,7 @@ def evaluate(
     return found
 
 
-@compiled
+@compile_function
 def robust_normals(
     points: NDArray[Any],
     nets: Ints,
@@ -191,7 +191,7 @@ def robust_normals(
     return True
 
 
-@compiled
+@compile_function
 def interpolate(
     values: NDArray[Any],
     origin: NDArray[Any],

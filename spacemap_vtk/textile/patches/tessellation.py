@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from spacemap_vtk.errors import GeometryError, InputError
-from spacemap_vtk.memory import Recycler, is_streamed
+from spacemap_vtk.memory import ArrayPool, is_streamed
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats
-from spacemap_vtk.parallel import WORTHWHILE, for_each, loops
+from spacemap_vtk.parallel import MANY_POINTS, for_each, load_loops
 from spacemap_vtk.textile.patches.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.textile.patches.normals import RobustNormals
 from spacemap_vtk.textile.patches.patch_chunks import (
@@ -104,7 +104,7 @@ class Tessellation:
         self.subdivisions = subdivisions
         self.patch_count = len(patches)
         # Below some 10^5 points starting a thread costs more time than it saves.
-        many = self.point_count > WORTHWHILE
+        many = self.point_count > MANY_POINTS
         self._threads = threads or (None if many else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
         self._recycler = Recycler(keep=3)  # positions, normals and an interpolated array

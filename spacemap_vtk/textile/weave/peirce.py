@@ -122,7 +122,7 @@ def check_height(
     if _is_jammed(p1, p2, middle, d):
         raise GeometryError(
             f"the cloth is jammed at every {crimp_height}: the weft needs at least "
-            f"{metres(low)}, the warp at most {metres(high)}",
+            f"{format_length(low)}, the warp at most {format_length(high)}",
             key=diameter,
             allowed=f"{diameter} + {names('diameter', 1)} up to "
             f"{metres(largest_diameter_sum(p1, p2))} at these spacings, not {metres(d)}",
@@ -133,9 +133,9 @@ def check_height(
         side = "warp" if height > middle else "weft"
         # Bounds are printed slightly inside, so that one copied from the message is accepted.
         margin = 5e-6 * d if high - low > 1e-4 * d else 0.0
-        shown_low = metres(low + margin) if low > 0.0 else "0 mm"
+        shown_low = format_length(low + margin) if low > 0.0 else "0 mm"
         raise GeometryError(
-            f"the cloth is jammed: no room for the {side} to bend at a height of {metres(height)}",
+            f"the cloth is jammed: no room for the {side} to bend at a height of {format_length(height)}",
             key=crimp_height,
             value=height,
             allowed=f"{shown_low} to {metres(high - margin if high < d else high)}",
@@ -173,10 +173,10 @@ def _subtract_arctan(t: NDArray) -> Floats:
 def _refuse_height(p: float, h: float, d: float) -> None:
     allowed = "finite lengths"
     if isfinite(p + h + d) and d >= 0.0:
-        allowed = f"a height of 0 m to {metres(d - _least_height(p, d))}"
+        allowed = f"a height of 0 m to {format_length(d - _least_height(p, d))}"
     raise GeometryError(
-        f"a yarn over a spacing of {metres(p)} cannot bend by this height where the sum of "
-        f"diameters is {metres(d)}",
+        f"a yarn over a spacing of {format_length(p)} cannot bend by this height where the sum of "
+        f"diameters is {format_length(d)}",
         key="height",
         value=h,
         allowed=allowed,

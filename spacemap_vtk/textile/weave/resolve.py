@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError, Remark
+from spacemap_vtk.errors import InfoMessage, InputError
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -131,7 +131,7 @@ def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_n
         return cloth
     mend = flatten_yarns if asked.thick_yarns == "flatten" else scale_yarns
     cloth, note = mend(cloth, thick)
-    return replace(cloth, warnings=(*cloth.warnings, Remark(note))) if note else cloth
+    return replace(cloth, warnings=(*cloth.warnings, InfoMessage(note))) if note else cloth
 
 
 def _find_layers(

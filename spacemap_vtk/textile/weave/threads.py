@@ -13,7 +13,7 @@ from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
 from spacemap_vtk.textile.weave.yarn import section_factor, usual_twist
-from spacemap_vtk.units import metres
+from spacemap_vtk.units import format_length
 
 #: Sections of a yarn, the default first.
 SECTIONS = ("circular", "racetrack", "elliptic")
@@ -235,11 +235,11 @@ class Threads:
                 names(quantity, family) for quantity in ("diameter", "spacing", "aspect")
             )
             raise GeometryError(
-                f"neighbouring {FAMILIES[family]} yarns{which} overlap: they are {metres(thick)} "
-                f"{'wide' if flat else 'thick'} and {metres(apart)} apart",
+                f"neighbouring {FAMILIES[family]} yarns{which} overlap: they are {format_length(thick)} "
+                f"{'wide' if flat else 'thick'} and {format_length(apart)} apart",
                 key=diameter,
                 value=thick / self.aspect,
-                allowed=f"up to {metres(apart / self.aspect)} ({spacing}"
+                allowed=f"up to {format_length(apart / self.aspect)} ({spacing}"
                 f"{f' over {aspect}' if flat else ''})",
                 cure=f"Make {diameter} smaller or {spacing} larger",
             )

@@ -19,17 +19,17 @@ if TYPE_CHECKING:
     from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 
 
-def sections() -> dict[str, type[Parameterised]]:
+def section_classes() -> dict[str, type[Parameterised]]:
     """Return the class of each section of a scene file, in the order of the pipeline."""
     own: list[type[Stage]] = [getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS]
     stages = [*own, *extensions.load_all("stages")]
-    roles = roles_of(stages)
+    roles = order_roles(stages)
     stages.sort(key=lambda stage: roles.index(stage.role))
     classes: list[type[Parameterised]] = [*stages, View, Animation]
     return {cls.section: cls for cls in classes}
 
 
-def roles_of(stages: Collection[type[Stage]]) -> list[str]:
+def order_roles(stages: Collection[type[Stage]]) -> list[str]:
     """Return all roles in the order of the pipeline; a stage's role follows its `after`."""
     roles = list(ROLES)
     own = {stage.role: stage.after for stage in stages if stage.after and stage.role not in ROLES}
@@ -47,17 +47,17 @@ def roles_of(stages: Collection[type[Stage]]) -> list[str]:
     return roles
 
 
-def words_of(name: str) -> str:
+def stage_title(name: str) -> str:
     """Return a stage's name in words, for lists."""
     spaced = "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
     return spaced.capitalize()
 
 
-def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[Stage]:
+def choose_stages(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[Stage]:
     """Return the stages of a scene with the given sections, in the order of the pipeline."""
     stages = [part for part in parts.values() if isinstance(part, Stage)]
     # A section of one stage that concerns the cage is enough to make the scene move.
-    moves = any(stage.section in given for stage in stages if _has_cage(stage))
+    moves = any(stage.section in given for stage in stages if _uses_cage(stage))
     required = ROLES if moves else (ROLES[0], ROLES[-1])
     chosen: dict[str, Stage] = {}
     for stage in stages:
@@ -73,13 +73,13 @@ def chain(parts: Mapping[str, Parameterised], given: Collection[str]) -> list[St
     return found
 
 
-def _has_cage(stage: Stage) -> bool:
+def _uses_cage(stage: Stage) -> bool:
     return stage.makes == "cage" or "cage" in stage.takes
 
 
 def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) -> None:
     """Refuse sections that would have no effect because of another section."""
-    found = chain(parts, given)
+    found = choose_stages(parts, given)
     for stage in parts.values():
         if isinstance(stage, Stage) and stage.section in given and stage not in found:
             alike = [other for other in found if other.role == stage.role]
@@ -92,13 +92,13 @@ def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) 
             )
 
 
-def switched(
+def switch_section(
     parts: Mapping[str, Parameterised], given: Collection[str], section: str, on: bool
 ) -> set[str]:
     """Return a scene's sections after the stage of one section is switched on or off."""
     if on:
-        return {section} | {other for other in given if fits(parts, section, [other])}
-    middle = {stage.section for stage in chain(parts, given) if _has_cage(stage)} - {section}
+        return {section} | {other for other in given if is_compatible(parts, section, [other])}
+    middle = {stage.section for stage in choose_stages(parts, given) if _uses_cage(stage)} - {section}
     rest = set(given) - {section}
     part = parts[section]
     if not isinstance(part, Stage) or part.role in ROLES:
@@ -107,20 +107,20 @@ def switched(
     return rest if rest & middle else rest | middle
 
 
-def fits(parts: Mapping[str, Parameterised], section: str, others: Iterable[str]) -> bool:
+def is_compatible(parts: Mapping[str, Parameterised], section: str, others: Iterable[str]) -> bool:
     """Return whether a section's stage can be in a scene with each of the other stages."""
     one = parts[section]
     assert isinstance(one, Stage)
     stages = (parts.get(other) for other in others)
     return all(
-        {one, other} <= set(chain(parts, (section, other.section)))
+        {one, other} <= set(choose_stages(parts, (section, other.section)))
         and not (one.role in other.excludes or other.role in one.excludes)
         for other in stages
         if isinstance(other, Stage)
     )
 
 
-def connect_chain(stages: Iterable[Stage]) -> None:
+def connect_stages(stages: Iterable[Stage]) -> None:
     """Connect each input port to the last stage before that makes the data it accepts."""
     stages = list(stages)
     # The solver uses the stiffness of yarns that the stage for crimp interchange declares, or else

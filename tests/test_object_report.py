@@ -13,7 +13,7 @@ from PIL import Image
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.cage.split import count_parts
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.scenes.anatomy import body
+from spacemap_vtk.scenes.object_report import report_object
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -78,7 +78,7 @@ def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_no_modes_are_solved(tmp_path: Path) -> None:
     pv.Sphere().save(tmp_path / "ball.ply")
     scene = Scene({"object": {"file": str(tmp_path / "ball.ply")}, "cage": {}})
-    assert body(scene)["cage"]["tetrahedra"] == 5 * 8**3
+    assert report_object(scene)["cage"]["tetrahedra"] == 5 * 8**3
     assert scene.cage.executions == 1
     assert scene.modal.executions == scene.response.executions == 0
 

@@ -10,7 +10,7 @@ from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.jobs import PictureJob
-from spacemap_vtk.scenes.face import picture_size
+from spacemap_vtk.scenes.flat_picture import picture_size
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import USUAL_SIZE
 from spacemap_vtk.textile.drafts.drawdown import to_rows

@@ -22,25 +22,25 @@ from spacemap_vtk.scenes.scene import Scene
 _NAMES: Any = getattr(vtkCommonDataModel, "vtkCellTypeUtilities", vtkCommonDataModel.vtkCellTypes)
 
 
-def body(scene: Scene) -> dict[str, Any]:
+def report_object(scene: Scene) -> dict[str, Any]:
     """Return the figures of a scene's object or textile, and of its cage if it has one."""
     scene.update_stage(scene.source)
-    data, picture = scene.source.GetOutputDataObject(0), scene.painting
+    data, picture = scene.source.GetOutputDataObject(0), scene.picture
     places = points_of(data).astype(np.float64, copy=False)
     low, high = places.min(axis=0), places.max(axis=0)
-    points, triangles = outline(data, polygons_of(data))
+    points, triangles = extract_outline(data, polygons_of(data))
     triangles = triangles[triangles[:, 1] != triangles[:, 2]]
-    open_, branching = edge_faults(triangles, points)
+    open_, branching = count_edge_faults(triangles, points)
     figures: dict[str, Any] = {
-        "textile": textile(scene),
+        "textile": report_textile(scene),
         "file": str(scene.object.file) if scene.source is scene.object else None,
         "type": data.GetClassName(),
         "points": data.GetNumberOfPoints(),
         "cells": data.GetNumberOfCells(),
-        "cell_types": _kinds(data),
+        "cell_types": _count_cell_types(data),
         "bounds": [low.tolist(), high.tolist()],
         "size": (high - low).tolist(),
-        "arrays": _arrays(data.GetPointData(), "points") + _arrays(data.GetCellData(), "cells"),
+        "arrays": _list_arrays(data.GetPointData(), "points") + _list_arrays(data.GetCellData(), "cells"),
         "triangles": len(triangles),
         "open_edges": open_,
         "branching_edges": branching,
@@ -51,9 +51,9 @@ def body(scene: Scene) -> dict[str, Any]:
     }
     if scene.moves:
         made = scene.stage("cage")
-        stage = made or scene.deforming
+        stage = made or scene.cage_stage
         scene.update_stage(stage)
-        figures["cage"] = _cage(stage.output, places)
+        figures["cage"] = _report_cage(stage.output, places)
         if made is None:
             times = stage.time_steps([])
             figures |= {"steps": len(times), "time_range": [times[0], times[-1]]}
@@ -61,7 +61,7 @@ def body(scene: Scene) -> dict[str, Any]:
     return figures
 
 
-def textile(scene: Scene) -> dict[str, Any] | None:
+def report_textile(scene: Scene) -> dict[str, Any] | None:
     """Return the figures that a scene's source declares for its yarns; None for an object."""
     made = scene.textile
     if made is None:
@@ -78,7 +78,7 @@ def textile(scene: Scene) -> dict[str, Any] | None:
     }
 
 
-def _cage(grid: vtkUnstructuredGrid, points: Floats) -> dict[str, Any]:
+def _report_cage(grid: vtkUnstructuredGrid, points: Floats) -> dict[str, Any]:
     vertices, tetrahedra = points_of(grid).astype(np.float64), tetrahedra_of(grid)
     where = locate(points, vertices, tetrahedra)
     return {
@@ -93,7 +93,7 @@ def _cage(grid: vtkUnstructuredGrid, points: Floats) -> dict[str, Any]:
     }
 
 
-def _kinds(data: vtkPointSet) -> dict[str, int]:
+def _count_cell_types(data: vtkPointSet) -> dict[str, int]:
     counts = Counter(data.GetCellType(i) for i in range(data.GetNumberOfCells()))
     return {
         _NAMES.GetClassNameFromTypeId(kind).removeprefix("vtk"): count
@@ -101,7 +101,7 @@ def _kinds(data: vtkPointSet) -> dict[str, int]:
     }
 
 
-def _arrays(data: vtkFieldData, on: str) -> list[dict[str, Any]]:
+def _list_arrays(data: vtkFieldData, on: str) -> list[dict[str, Any]]:
     found = []
     for i in range(data.GetNumberOfArrays()):
         array = data.GetAbstractArray(i)

@@ -18,67 +18,67 @@ from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.io.series import is_pattern, matching_files, open_series
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.chain import sections
-from spacemap_vtk.scenes.runs import paths_in, placed
+from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.sweep import paths_in, resolve_paths
 
 
-def record_of(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) -> Record:
+def make_record(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) -> Record:
     """Return the record of a job and its scene, as the scene is now."""
-    folder, values = scene.file.parent if scene.file else Path(), values_of(scene)
+    folder, values = scene.file.parent if scene.file else Path(), scene_values(scene)
     files: dict[Path, None] = {}
     for name, part in scene.parts.items():
         if name in values:
-            files |= dict.fromkeys(_files(part.settings, name == scene.motion.section))
+            files |= dict.fromkeys(_input_files(part.settings, name == scene.motion.section))
     file = scene.file.name if scene.file else ""
     text = format_scene(values, f"{file or 'a scene'}, as it was run")
-    inputs = {_named(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files}
+    inputs = {_relative_name(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files}
     return Record(__version__, order, text, file, tuple(times), inputs)
 
 
-def values_of(scene: Scene) -> dict[str, Any]:
+def scene_values(scene: Scene) -> dict[str, Any]:
     """Return the values of a scene file, in the scene's folder, that gives the present scene."""
     folder = scene.file.parent if scene.file else Path()
     values: dict[str, Any] = {"title": scene.title}
     for name, part in scene.parts.items():
         # Skip stages that are neither given nor connected. All else counts, given or not.
-        if name not in scene.given and isinstance(part, Stage) and part not in scene.stages:
+        if name not in scene.given_sections and isinstance(part, Stage) and part not in scene.stages:
             continue
-        said = _said(part, folder, scene.object.section in scene.given)
-        if said or name in scene.given:
+        said = _changed_values(part, folder, scene.object.section in scene.given_sections)
+        if said or name in scene.given_sections:
             values[name] = said
     return values
 
 
-def elsewhere(scene: Scene) -> Iterator[str]:
+def describe_outside_files(scene: Scene) -> Iterator[str]:
     """Yield a sentence for each file that a scene reads outside the folders it may refer to."""
     # A scene may refer to files in its folder and below, and so may each of these files. Files
     # that the user has named are not reported.
     for stage in scene.stages:
         for key, value in stage.settings.items():
             said = scene.file is not None and (stage.section, key) not in scene.assigned
-            for path in (one for word in paths_in(value) for one in _several(word)):
+            for path in (one for word in paths_in(value) for one in _matching_files(word)):
                 scenes = [scene.file] if said and scene.file else []
                 for by, other in [*((each, path) for each in scenes), *file_references(path)]:
                     place = os.path.realpath(other)
-                    if not any(_is_below(place, each.parent) for each in (by, *scenes)):
+                    if not any(_is_inside(place, each.parent) for each in (by, *scenes)):
                         yield f"{by} names {place}, beyond its own folder: it is read"
 
 
-def _is_below(place: str, folder: Path) -> bool:
+def _is_inside(place: str, folder: Path) -> bool:
     return Path(place).is_relative_to(os.path.realpath(folder))
 
 
-def _several(path: Path) -> list[Path]:
+def _matching_files(path: Path) -> list[Path]:
     """Return the files that match a pattern."""
     return matching_files(path) if is_pattern(path) else [path]
 
 
-def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
+def restore_scene(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]]:
     """Return a record's scene, and its inputs in the first folder that has them unchanged."""
     # A scene that refers to other files is refused, because the record may be a stranger's.
     folders = list(folders)
-    faults = [_fault(record, folder) for folder in folders]
+    faults = [_find_fault(record, folder) for folder in folders]
     if all(faults):
         raise InputError(
             faults[0] or "",
@@ -91,9 +91,9 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
         raise InputError(f"the scene in its record is damaged: {error}") from None
     inputs = [folder / name for name in record.inputs]
     allowed = {os.path.abspath(path) for path in inputs}
-    for path in paths_in(placed(values, sections(), folder)):
-        beside = (other for each in _several(path) for _, other in file_references(each))
-        for other in [*_several(path), *filter(os.path.isfile, beside)]:
+    for path in paths_in(resolve_paths(values, section_classes(), folder)):
+        beside = (other for each in _matching_files(path) for _, other in file_references(each))
+        for other in [*_matching_files(path), *filter(os.path.isfile, beside)]:
             if os.path.abspath(other) not in allowed:
                 raise InputError(
                     f"the scene in its record names {other}, which is not among the files that it "
@@ -103,7 +103,7 @@ def scene_of(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[Path]
     return Scene(values, folder / (Path(record.file).name or "scene.toml")), inputs
 
 
-def _fault(record: Record, folder: Path) -> str | None:
+def _find_fault(record: Record, folder: Path) -> str | None:
     """Return what is wrong with a record's inputs in a folder; None if they are unchanged."""
     for name, was in record.inputs.items():
         path = folder / name
@@ -120,7 +120,7 @@ def _digest(path: Path, _changed: int) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _files(value: Any, motion: bool) -> Iterator[Path]:
+def _input_files(value: Any, motion: bool) -> Iterator[Path]:
     """Yield the files that are read for values, and the files that those refer to."""
     for path in paths_in(value):
         try:
@@ -131,24 +131,24 @@ def _files(value: Any, motion: bool) -> Iterator[Path]:
         yield from filter(os.path.isfile, found)
 
 
-def _said(part: Parameterised, folder: Path, of_object: bool = False) -> dict[str, Any]:
+def _changed_values(part: Parameterised, folder: Path, of_object: bool = False) -> dict[str, Any]:
     """Return the values that differ from the usual ones, as in a scene file."""
     return {
-        key: _written(value, part.parameter(key), folder)
+        key: _format(value, part.parameter(key), folder)
         for key, value in part.settings.items()
-        if value != part.parameter(key).usual(of_object)
+        if value != part.parameter(key).default_for(of_object)
     }
 
 
-def _written(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
+def _format(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
     if isinstance(value, Parameterised):
-        return _said(value, folder)
+        return _changed_values(value, folder)
     if isinstance(value, Path):
-        return _named(value, folder)
+        return _relative_name(value, folder)
     if isinstance(value, (tuple, list)):
         is_series = isinstance(parameter, Series)
         return [
-            item if isinstance(item, float) and not is_series else _written(item, parameter, folder)
+            item if isinstance(item, float) and not is_series else _format(item, parameter, folder)
             for item in value
         ]
     number = getattr(parameter, "component", parameter)
@@ -159,13 +159,13 @@ def _written(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
     return "auto" if value is None and parameter.automatic else value
 
 
-def _named(path: Path, folder: Path) -> str:
+def _relative_name(path: Path, folder: Path) -> str:
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on another drive of Windows
         return path.as_posix()
 
 
-def places(record_file: Path, folder: Path | None) -> list[Path]:
+def input_folders(record_file: Path, folder: Path | None) -> list[Path]:
     """Return the folders in which a file's inputs may be."""
     return [folder] if folder else [Path(), record_file.parent, library.folder()]

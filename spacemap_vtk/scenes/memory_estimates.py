@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, prod
 
-from spacemap_vtk.errors import naming_section
+from spacemap_vtk.errors import add_section_to_errors
 from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 
@@ -72,20 +72,20 @@ class PictureRequest:
     wireframe: bool = False
 
 
-def panels_of(scene: Scene, show: Sequence[str] = ()) -> Sequence[str]:
+def panel_contents(scene: Scene, show: Sequence[str] = ()) -> Sequence[str]:
     """Return the contents of a picture's panels, by default as the scene says."""
     chosen = scene.view.show if scene.moves else "fabric"
     return show or (["cage", "fabric"] if chosen == "side by side" else [chosen])
 
 
-def widths_of(width: int, panels: int) -> list[int]:
+def panel_widths(width: int, panels: int) -> list[int]:
     """Return the widths of a picture's panels; the last one gets the remainder."""
     widths = [width // panels] * panels
     widths[-1] += width - sum(widths)
     return widths
 
 
-def grain_of(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int, int]:
+def supersampling(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int, int]:
     """Return the width of the block that is drawn for a pixel, and OpenGL's samples of each."""
     if panel == "fabric" and shaded:
         return _BLOCK_SHADED, 0
@@ -96,12 +96,12 @@ def grain_of(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int, int]
 
 def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
     """Return the memory of windows and pictures, including the program's."""
-    view, panels = scene.view, panels_of(scene, request.panels)
-    shadows = view.shadows and view.look.occlusion > 0.0 and not COLORINGS[view.color].numbers
+    view, panels = scene.view, panel_contents(scene, request.panels)
+    shadows = view.shadows and view.resolved_style.occlusion > 0.0 and not COLORINGS[view.color].shows_numbers
     drawn = 0
-    for panel, width in zip(panels, widths_of(request.size[0], len(panels)), strict=True):
+    for panel, width in zip(panels, panel_widths(request.size[0], len(panels)), strict=True):
         size = width, request.size[1]
-        block, _ = grain_of(panel, shadows and panel != "cage", size)
+        block, _ = supersampling(panel, shadows and panel != "cage", size)
         drawn += block**2 * prod(size)
     return _PROGRAM + _PIXEL * drawn
 
@@ -144,13 +144,13 @@ def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
 def require_pixels(scene: Scene, request: PictureRequest) -> None:
     """Refuse a picture whose pixels alone do not fit into memory."""
     what = f"a picture of {prod(request.size):,} pixels"
-    require(pixel_bytes(scene, request), what, key="size", cure="Take a smaller one.")
+    require_memory(pixel_bytes(scene, request), what, key="size", cure="Take a smaller one.")
 
 
 def require_sheet(scene: Scene, counts: tuple[int, int], size: int) -> None:
     """Refuse a sheet of `counts` ends and picks that does not fit into memory."""
-    with scene.naming_file(), naming_section("view"):
-        require(
+    with scene.add_file_to_errors(), add_section_to_errors("view"):
+        require_memory(
             size,
             "a picture of {} x {} yarns, as a sheet,".format(*counts),
             key="size",
@@ -162,8 +162,8 @@ def require_piece(scene: Scene, counts: tuple[int, int], patches: int, sides: in
     """Refuse yarns of which a piece does not fit into memory; windows and the sheet exist."""
     # Twice, because the previous piece is still in memory while a piece is made.
     size = 2 * (patch_bytes(scene, patches) + _SURFACE_POINT * patches * (sides + 1) ** 2)
-    with scene.naming_file(), naming_section("view"):
-        require(
+    with scene.add_file_to_errors(), add_section_to_errors("view"):
+        require_memory(
             size,
             "a picture of {} x {} yarns, in pieces,".format(*counts),
             key="size",
@@ -198,8 +198,8 @@ def require_yarns(
         return f"{auto}{fewer.capitalize()}."
 
     noun = "picture" if request.frames == 1 else "film"
-    with scene.naming_file(), naming_section(scene.surface.section):
-        require(
+    with scene.add_file_to_errors(), add_section_to_errors(scene.surface.section):
+        require_memory(
             needed(sides),
             f"a {noun} of {counts[0]} x {counts[1]} yarns",
             key="subdivisions",

@@ -19,13 +19,13 @@ _HARMLESS = "InformationKey"
 #: Standard error and VTK's output window are shared by all threads. Without this lock, two threads
 #: that redirected them together got each other's messages, or VTK wrote to a deleted window and
 #: the program aborted.
-_taken = threading.RLock()
+_lock = threading.RLock()
 
 
 @contextmanager
-def quiet_stderr() -> Iterator[None]:
+def silence_stderr() -> Iterator[None]:
     """Discard what C libraries print about a damaged file; an exception reports the damage."""
-    with _taken:
+    with _lock:
         try:
             kept = os.dup(2)
         except OSError:  # a program without a console has no standard error
@@ -42,9 +42,9 @@ def quiet_stderr() -> Iterator[None]:
 
 
 @contextmanager
-def silent_vtk() -> Iterator[vtkStringOutputWindow]:
+def capture_vtk_messages() -> Iterator[vtkStringOutputWindow]:
     """Collect VTK's messages in the yielded window, and print nothing."""
-    with quiet_stderr():
+    with silence_stderr():
         window, usual = vtkStringOutputWindow(), vtkOutputWindow.GetInstance()
         verbosity = vtkLogger.GetCurrentVerbosityCutoff()
         vtkOutputWindow.SetInstance(window)
@@ -57,9 +57,9 @@ def silent_vtk() -> Iterator[vtkStringOutputWindow]:
 
 
 @contextmanager
-def quiet_vtk(path: Path) -> Iterator[None]:
+def raise_vtk_errors(path: Path) -> Iterator[None]:
     """Raise InputError for errors that VTK prints while a file is read."""
-    with silent_vtk() as window:
+    with capture_vtk_messages() as window:
         yield
     output = window.GetOutput()
     if isinstance(output, bytes):  # VTK quotes text of the file that is not UTF-8

@@ -7,7 +7,7 @@ cloth is so long that its yarns would be too small to be seen, only its beginnin
 
 from __future__ import annotations
 
-from spacemap_vtk.errors import SpacemapError, naming_section
+from spacemap_vtk.errors import SpacemapError, add_section_to_errors
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
@@ -15,7 +15,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: A cloth is drawn completely up to this many times its width; beyond that only as far as each yarn
 #: has at least this many pixels.
-_LONGEST, _SEEN = 16.0, 1.0
+_MAX_ASPECT, _MIN_PIXELS = 16.0, 1.0
 
 
 def picture_size(scene: Scene) -> tuple[int, int]:
@@ -24,14 +24,14 @@ def picture_size(scene: Scene) -> tuple[int, int]:
         width, height = scene.view.size
         return width, height
     try:
-        woven = face_of(scene)
+        woven = flat_cloth(scene)
         if woven is None:
             return USUAL_SIZE
         cloth = woven.cloth
     except SpacemapError:
         return USUAL_SIZE  # drawing raises the same error and reports it
     side = WIDE_SIDE if sum(cloth.size) > MANY_THREADS else max(USUAL_SIZE)
-    lengths = lengths_of(cloth)
+    lengths = cloth_lengths(cloth)
     counts = _drawn_counts(scene, cloth, (side, side))
     drawn = [
         length * count / whole
@@ -41,13 +41,13 @@ def picture_size(scene: Scene) -> tuple[int, int]:
     return width, height
 
 
-def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
+def limit_to_beginning(scene: Scene, size: tuple[int, int]) -> None:
     """Leave out the end of a still cloth that is far longer than wide, and warn about it."""
-    woven = face_of(scene)
+    woven = flat_cloth(scene)
     if woven is None:
         return
     section = scene.source.section
-    with scene.naming_file(), naming_section(section):
+    with scene.add_file_to_errors(), add_section_to_errors(section):
         cloth = woven.cloth
     counts = _drawn_counts(scene, cloth, size)
     for family, name in enumerate(("ends", "picks")):
@@ -59,29 +59,29 @@ def draw_beginning(scene: Scene, size: tuple[int, int]) -> None:
             )
 
 
-def face_scale(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> float:
+def pixels_per_metre(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> float:
     """Return the pixels per metre of a scene's cloth in a picture of its whole face."""
-    each = zip(size, lengths_of(cloth), strict=True)
+    each = zip(size, cloth_lengths(cloth), strict=True)
     return scene.view.zoom * min(pixels / length for pixels, length in each)
 
 
 def _drawn_counts(scene: Scene, cloth: Cloth, size: tuple[int, int]) -> tuple[int, int]:
     """Return how many ends and picks are drawn; only the family of the long side is reduced."""
-    lengths, counts = lengths_of(cloth), list(cloth.size)
+    lengths, counts = cloth_lengths(cloth), list(cloth.size)
     long = 0 if lengths[0] > lengths[1] else 1
     if scene.source.settings[("ends", "picks")[long]] is None:
         place = cloth.yarns[long].position
-        wide = int((place - place[0] < _LONGEST * lengths[1 - long]).sum())
-        counts[long] = min(counts[long], max(wide, int(size[long] / _SEEN)))
+        wide = int((place - place[0] < _MAX_ASPECT * lengths[1 - long]).sum())
+        counts[long] = min(counts[long], max(wide, int(size[long] / _MIN_PIXELS)))
     return counts[0], counts[1]
 
 
-def face_of(scene: Scene) -> Woven | None:
+def flat_cloth(scene: Scene) -> Woven | None:
     """Return the textile whose face a picture shows undistorted; None for other pictures."""
     return scene.woven if scene.view.camera == FLAT and not scene.moves else None
 
 
-def lengths_of(cloth: Cloth) -> list[float]:
+def cloth_lengths(cloth: Cloth) -> list[float]:
     """Return the size of a cloth across its ends and across its picks, in m."""
     return [
         float(yarns.position[-1] - yarns.position[0]) + threads.mean_spacing(cloth.diameter_sum)

@@ -7,18 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 
 from vtkmodules.vtkCommonCore import vtkOutputWindow
 
-from spacemap_vtk.datasets.quiet import silent_vtk
+from spacemap_vtk.datasets.vtk_messages import capture_vtk_messages
 
 
 def test_a_second_thread_waits_until_the_first_has_heard_all() -> None:
     usual, inside = vtkOutputWindow.GetInstance(), threading.Event()
 
     def listen() -> None:
-        with silent_vtk():
+        with capture_vtk_messages():
             inside.set()
 
     with ThreadPoolExecutor(1) as other:
-        with silent_vtk() as window:
+        with capture_vtk_messages() as window:
             waiting = other.submit(listen)
             assert not inside.wait(0.1)
             assert vtkOutputWindow.GetInstance() is window

@@ -11,7 +11,7 @@ from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 
 
-class Geometry:
+class GeometrySnapshot:
     """The points and cells of a data set at the time when something was computed from them."""
 
     # Identical, unmodified VTK objects are the common case: only the time has changed. Otherwise
@@ -41,7 +41,7 @@ class Geometry:
         return points + _cell_parts(dataset)
 
 
-class Connectivity(Geometry):
+class ConnectivitySnapshot(GeometrySnapshot):
     """The cells of a data set without its points, which may move."""
 
     def _parts(self, dataset: vtkPointSet) -> list[vtkObject]:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spacemap_vtk.datasets.modal_model import InputDeck, ModesReader, gravity_in
-from spacemap_vtk.errors import InputError, naming_section
+from spacemap_vtk.datasets.modal_model import InputDeck, ModesReader, gravity_of
+from spacemap_vtk.errors import InputError, add_section_to_errors
 from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.modal.model import Model
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 #: Time functions that end at a constant value, and a time [s] when all have reached it.
 _LASTING, _LATE = ("step", "ramp", "table"), 1e9
 #: Fields of `Fittings` that are not written, and the parameters that they come from.
-_FITTED = {"normals": "fixed", "bodies": "rigid", "springs": "springs", "masses": "masses"}
+_NOT_WRITTEN = {"normals": "fixed", "bodies": "rigid", "springs": "springs", "masses": "masses"}
 
 
-def analysis_of(scene: Scene) -> InputDeck:
+def make_input_deck(scene: Scene) -> InputDeck:
     """Run a scene's solver, and return the model and its loads."""
     solver = scene.stage("solver")
     if solver is not None:
         scene.update_stage(solver)
-    with scene.naming_file():
-        return _deck(scene.title, solver, scene.stage("mover"))
+    with scene.add_file_to_errors():
+        return _make_deck(scene.title, solver, scene.stage("mover"))
 
 
-def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
+def _make_deck(title: str, solver: Any, mover: Any) -> InputDeck:
     if not isinstance(solver, ModalSolver):
         raise InputError(
             "this scene has no cage whose modes are computed",
@@ -38,8 +38,8 @@ def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
             cure="Add the sections [cage] and [modal].",
         )
     modes = ModesReader().read(solver.output)
-    with naming_section("modal"):
-        _refuse(modes.model)
+    with add_section_to_errors("modal"):
+        _refuse_unsupported(modes.model)
     forces, left_out = np.zeros(modes.model.points.size), []
     gravity = np.zeros(3)
     if isinstance(mover, LoadParameters):
@@ -62,7 +62,7 @@ def _deck(title: str, solver: Any, mover: Any) -> InputDeck:
     return InputDeck(title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
 
 
-def _refuse(model: Model) -> None:
+def _refuse_unsupported(model: Model) -> None:
     """Refuse models with anything but tetrahedra of a material, held along x, y and z."""
     if model.plate is not None:
         raise InputError(
@@ -79,7 +79,7 @@ def _refuse(model: Model) -> None:
         )
     if model.terms:
         raise InputError("energy terms of ModalSolver.terms are not written", key="terms")
-    for name, key in _FITTED.items():
+    for name, key in _NOT_WRITTEN.items():
         if name in model.fittings.given:
             raise InputError(
                 "springs, masses, rigid places and slanted supports are not written",

@@ -31,53 +31,53 @@ else:
     import fcntl
 
 #: Signals that ask a program to end. A terminal that is closed sends SIGHUP.
-ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+END_SIGNALS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 #: Longest time for removing a file or folder [s].
 _PATIENCE = 10.0
 #: Prefix of the names of hidden folders.
-_NAME = ".spacemap-"
+_PREFIX = ".spacemap-"
 
 
 @contextmanager
-def vanishing(path: Path) -> Iterator[Path]:
+def temporary_path(path: Path) -> Iterator[Path]:
     """Remove a file or folder when the block ends, however it ends."""
     # Until then SIGTERM and SIGHUP, if nothing else handles them, raise ``SystemExit`` with the
     # status that a shell would give: 128 plus the signal's number. atexit is needed, too: if Python
     # code that VTK calls is interrupted, VTK exits and no "finally" block runs.
     last = partial(_remove, path)
     atexit.register(last)
-    with ended_by_exceptions():
+    with raise_on_signals():
         try:
             yield path
         finally:
-            with undisturbed():
+            with delay_signals():
                 _remove(path)
                 atexit.unregister(last)
 
 
-def hidden(place: Path) -> Path:
+def hidden_path(place: Path) -> Path:
     """Return an unused path for a hidden file or folder in a folder."""
-    return place / f"{_NAME}{os.urandom(6).hex()}"
+    return place / f"{_PREFIX}{os.urandom(6).hex()}"
 
 
 @contextmanager
-def vanishing_folder(place: Path | None = None, look: bool = True) -> Iterator[Path]:
+def temporary_folder(place: Path | None = None, look: bool = True) -> Iterator[Path]:
     """Yield a new folder that is removed with its contents when the block ends, however it ends."""
     place = Path(tempfile.gettempdir()) if place is None else place
     if look:
-        clear(place)
+        remove_abandoned(place)
     # The lock is released only after the folder has been removed.
-    with ExitStack() as held, vanishing(hidden(place)) as folder:
-        hold(folder, held)
+    with ExitStack() as held, temporary_path(hidden_path(place)) as folder:
+        lock_folder(folder, held)
         yield folder
 
 
-def hold(folder: Path, held: ExitStack) -> None:
+def lock_folder(folder: Path, held: ExitStack) -> None:
     """Make a folder and lock it until `held` is closed or this process ends."""
     while True:
         folder.mkdir(mode=0o700, exist_ok=True)
         try:
-            if taken(folder, held):
+            if try_lock(folder, held):
                 return
         except (BlockingIOError, FileNotFoundError):
             pass  # another process has just removed it, because it was not locked yet
@@ -87,7 +87,7 @@ def hold(folder: Path, held: ExitStack) -> None:
 
 if sys.platform == "win32":
 
-    def taken(folder: Path, held: ExitStack) -> bool:
+    def try_lock(folder: Path, held: ExitStack) -> bool:
         """Lock a folder, unless another process has; return whether it still exists."""
         # The lock is a file next to the folder that no other process can open. Windows deletes it
         # when it is closed, at the latest when this process ends. An open handle on the folder
@@ -106,7 +106,7 @@ if sys.platform == "win32":
 
 else:
 
-    def taken(folder: Path, held: ExitStack) -> bool:
+    def try_lock(folder: Path, held: ExitStack) -> bool:
         """Lock a folder, unless another process has; return whether it still exists."""
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         with ExitStack() as closed:
@@ -116,28 +116,28 @@ else:
         return os.path.samestat(os.fstat(handle), folder.stat())
 
 
-def clear(place: Path) -> None:
+def remove_abandoned(place: Path) -> None:
     """Remove the folders that killed processes have left."""
     with suppress(OSError):
         for name in os.listdir(place):
             with suppress(OSError), ExitStack() as held:
-                if not name.startswith(_NAME):
+                if not name.startswith(_PREFIX):
                     continue
                 folder = place / name
                 known = folder.lstat()
                 # In a shared place another user can make folders of such a name: leave those alone.
                 own = sys.platform == "win32" or known.st_uid == os.getuid()
                 if own and stat.S_ISDIR(known.st_mode):
-                    taken(folder, held)
+                    try_lock(folder, held)
                     shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def delay_signals() -> Iterator[None]:
     """Delay signals while a short block runs, and deliver the first of them afterwards."""
     handlers, heard = {}, []
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, *ENDING):
+        for number in (signal.SIGINT, *END_SIGNALS):
             # Only a handler that Python has set can be restored.
             if signal.getsignal(number) is not None:
                 handlers[number] = signal.signal(number, lambda number, _: heard.append(number))
@@ -151,13 +151,13 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def ended_by_exceptions() -> Iterator[None]:
+def raise_on_signals() -> Iterator[None]:
     """Let the signals that end the program raise SystemExit during the block."""
     answered = []
     if threading.current_thread() is threading.main_thread():
-        answered = [each for each in ENDING if signal.getsignal(each) == signal.SIG_DFL]
+        answered = [each for each in END_SIGNALS if signal.getsignal(each) == signal.SIG_DFL]
     for number in answered:
-        signal.signal(number, _end)
+        signal.signal(number, _raise_exit)
     try:
         yield
     finally:
@@ -165,7 +165,7 @@ def ended_by_exceptions() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
 
 
-def _end(number: int, _frame: FrameType | None) -> NoReturn:
+def _raise_exit(number: int, _frame: FrameType | None) -> NoReturn:
     raise SystemExit(128 + number)
 
 

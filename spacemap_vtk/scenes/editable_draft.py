@@ -26,7 +26,7 @@ _LONGEST = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class EditableDraft:
     """A draft on the screen."""
 
     #: The draft's loom; for a weave without one, the smallest that weaves it.
@@ -39,7 +39,7 @@ class Shown:
     weft: Colors
     #: Whether the weave is a pattern, rows or a picture, which have no loom: then its drawdown can
     #: be edited.
-    bare: bool
+    is_pattern: bool
     #: The draft from which it was made.
     source: Draft
 
@@ -54,7 +54,7 @@ class Shown:
         return self.loom.treadles if self.loom.liftplan is None else self.loom.shafts
 
     @property
-    def lifted(self) -> tuple[tuple[int, ...], ...]:
+    def treadling(self) -> tuple[tuple[int, ...], ...]:
         """Treadles that are pressed at each pick, or shafts that are lifted in a liftplan."""
         return self.loom.treadling if self.loom.liftplan is None else self.loom.liftplan
 
@@ -62,25 +62,25 @@ class Shown:
         """Return the marks of a grid, (rows, columns); the first is shaft or treadle 1."""
         loom = self.loom
         if panel == "threading":
-            return _marks(loom.threading, loom.shafts).T
+            return _mark_grid(loom.threading, loom.shafts).T
         if panel == "treadling":
-            return _marks(self.lifted, self.columns)
-        return _marks((*loom.tieup, *((),) * (loom.treadles - len(loom.tieup))), loom.shafts).T
+            return _mark_grid(self.treadling, self.columns)
+        return _mark_grid((*loom.tieup, *((),) * (loom.treadles - len(loom.tieup))), loom.shafts).T
 
-    def strip(self, family: str) -> Colors:
+    def yarn_colors(self, family: str) -> Colors:
         """Return the colours of the warp or the weft."""
         return self.warp if family == "warp" else self.weft
 
-    def painted(self, family: str, colors: Colors) -> Shown:
+    def with_colors(self, family: str, colors: Colors) -> EditableDraft:
         """Return a copy with other colours of the warp or the weft."""
         return replace(self, warp=colors) if family == "warp" else replace(self, weft=colors)
 
-    def with_loom(self, loom: Loom) -> Shown:
+    def with_loom(self, loom: Loom) -> EditableDraft:
         """Return a copy with another loom and the cloth that it weaves."""
-        return replace(self, loom=loom, drawdown=loom.drawdown(), bare=False)
+        return replace(self, loom=loom, drawdown=loom.drawdown(), is_pattern=False)
 
 
-def _marks(rows: Sequence[Sequence[int]], columns: int) -> Bools:
+def _mark_grid(rows: Sequence[Sequence[int]], columns: int) -> Bools:
     row = np.repeat(np.arange(len(rows)), [len(numbers) for numbers in rows])
     number = np.fromiter(chain.from_iterable(rows), np.intp)
     marks = np.zeros((len(rows), columns), bool)
@@ -88,7 +88,7 @@ def _marks(rows: Sequence[Sequence[int]], columns: int) -> Bools:
     return marks
 
 
-def shown_of(woven: Woven) -> Shown:
+def make_editable_draft(woven: Woven) -> EditableDraft:
     """Return a textile's draft for the screen; builds nothing."""
     source, cloth, file = woven.source, woven.cloth, woven.draft_file
     if cloth.drawdown.size > MAX_CROSSINGS:
@@ -108,7 +108,7 @@ def shown_of(woven: Woven) -> Shown:
     )
 
 
-def as_draft(shown: Shown) -> Draft:
+def to_draft(shown: EditableDraft) -> Draft:
     """Return the draft of an edited loom, with the other data of its source for all threads."""
     source = shown.source
     if source.loom is None:
@@ -124,18 +124,18 @@ def as_draft(shown: Shown) -> Draft:
     )
 
 
-def as_pattern(shown: Shown) -> Changes:
+def pattern_values(shown: EditableDraft) -> Changes:
     """Return the scene values of an edited drawdown."""
     ends, picks = shown.size
     return {"draft": None, "pattern": to_rows(shown.drawdown), "ends": ends, "picks": picks}
 
 
-def as_colors(family: str, colors: Colors) -> Changes:
+def color_values(family: str, colors: Colors) -> Changes:
     """Return the scene value of edited colours."""
-    return {f"{family}_color": as_series(colors)}
+    return {f"{family}_color": format_colors(colors)}
 
 
-def as_series(colors: Colors) -> str | list[str]:
+def format_colors(colors: Colors) -> str | list[str]:
     """Return colours as in a scene file, which repeats them over the yarns."""
     count = len(colors)
     length = 1 if count <= _LONGEST else count

@@ -11,23 +11,23 @@ from pathlib import Path
 
 import pytest
 
-from spacemap_vtk.vanishing import (
-    ENDING,
-    clear,
-    undisturbed,
-    vanishing,
-    vanishing_folder,
+from spacemap_vtk.temporary_files import (
+    END_SIGNALS,
+    delay_signals,
+    remove_abandoned,
+    temporary_folder,
+    temporary_path,
 )
 
 _BEGIN = """
 import os, signal, sys, time
 from pathlib import Path
 from vtkmodules.vtkCommonCore import vtkObject
-from spacemap_vtk.vanishing import vanishing_folder
+from spacemap_vtk.temporary_files import temporary_folder
 def ask(caller, event):
     os.kill(os.getpid(), signal.SIGTERM)
     time.sleep(1)
-with vanishing_folder(Path(sys.argv[1])) as folder:
+with temporary_folder(Path(sys.argv[1])) as folder:
     for number in range(2000):
         (folder / f"{number}").touch()
     print("here", flush=True)
@@ -46,14 +46,14 @@ unix = pytest.mark.skipif(sys.platform == "win32", reason="no process there hear
 @pytest.mark.parametrize(
     ("program", "signals", "status"),
     [
-        *((_WAIT, [number], [128 + number]) for number in ENDING),
+        *((_WAIT, [number], [128 + number]) for number in END_SIGNALS),
         # one that comes when all is done ends the process by itself
         (_WAIT, [signal.SIGTERM] * 4, [143, -signal.SIGTERM]),
         (_WAIT, [signal.SIGINT], [-signal.SIGINT]),
         (_IN_VTK, [], [143]),
         (_FAILS, [], [1]),
     ],
-    ids=[*(number.name for number in ENDING), "impatient", "SIGINT", "in VTK", "error"],
+    ids=[*(number.name for number in END_SIGNALS), "impatient", "SIGINT", "in VTK", "error"],
 )
 def test_a_folder_goes_however_the_process_ends(
     program: str, signals: list[signal.Signals], status: list[int], tmp_path: Path
@@ -73,14 +73,14 @@ def test_signals_are_answered_as_before_afterwards(tmp_path: Path) -> None:
     def own(*_: object) -> None: ...
 
     before = signal.getsignal(signal.SIGTERM)
-    with vanishing_folder(tmp_path), vanishing(tmp_path / "file"):
+    with temporary_folder(tmp_path), temporary_path(tmp_path / "file"):
         assert signal.getsignal(signal.SIGTERM) != before
     assert signal.getsignal(signal.SIGTERM) == before
     signal.signal(signal.SIGTERM, own)
     try:
-        with vanishing_folder(tmp_path), undisturbed():
+        with temporary_folder(tmp_path), delay_signals():
             pass
-        with vanishing_folder(tmp_path):
+        with temporary_folder(tmp_path):
             assert signal.getsignal(signal.SIGTERM) == own  # whoever answers it goes on to
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -90,7 +90,7 @@ def test_another_thread_has_its_folders_too(tmp_path: Path) -> None:
     seen = []
 
     def work() -> None:
-        with vanishing_folder(tmp_path) as folder:
+        with temporary_folder(tmp_path) as folder:
             seen.append(folder.is_dir())
 
     thread = threading.Thread(target=work)
@@ -104,7 +104,7 @@ def test_nothing_is_interrupted_meanwhile() -> None:
     before, done = signal.getsignal(signal.SIGINT), []
 
     def work() -> None:
-        with undisturbed():
+        with delay_signals():
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGTERM)
             done.append(True)
@@ -124,11 +124,11 @@ def test_what_a_killed_process_left_goes_and_what_a_live_one_has_stays(tmp_path:
         links = [tmp_path / ".spacemap-link"] if sys.platform != "win32" else []
         for link in links:
             link.symlink_to(Path(__file__).parent)
-        clear(tmp_path)
+        remove_abandoned(tmp_path)
         assert len(list(folder.iterdir())) == 2000
         process.kill()
-    with vanishing_folder(tmp_path) as own:
-        clear(tmp_path)
+    with temporary_folder(tmp_path) as own:
+        remove_abandoned(tmp_path)
         assert sorted(filter(Path.is_dir, tmp_path.iterdir())) == sorted([own, *links])
     assert list(tmp_path.iterdir()) == links
 
@@ -136,7 +136,7 @@ def test_what_a_killed_process_left_goes_and_what_a_live_one_has_stays(tmp_path:
 def test_what_others_still_write_goes(tmp_path: Path) -> None:
     script = "import sys, time\nend = time.time() + 0.3\nwhile time.time() < end:\n"
     script += "    try: open(sys.argv[1] + '/' + str(time.time()), 'w')\n    except OSError: pass\n"
-    with vanishing_folder(tmp_path) as folder:
+    with temporary_folder(tmp_path) as folder:
         writer = subprocess.Popen([sys.executable, "-S", "-c", script, str(folder)])
         while not any(folder.iterdir()):
             time.sleep(0.01)

@@ -18,16 +18,16 @@ from spacemap_vtk import __version__
 from spacemap_vtk.errors import GeometryError, InputError, SizeError
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.assignments import ValueList, part_of, swept
-from spacemap_vtk.scenes.face import picture_size
-from spacemap_vtk.scenes.footprint import PictureRequest
+from spacemap_vtk.scenes.assignments import ValueList, parse_value_list, require_part
+from spacemap_vtk.scenes.flat_picture import picture_size
 from spacemap_vtk.scenes.level_of_detail import choose_level
+from spacemap_vtk.scenes.memory_estimates import PictureRequest
 from spacemap_vtk.scenes.scene import Scene
 
 #: Larger sweeps are mistakes in the lists.
 MOST_RUNS = 10_000
 #: Longest name of a file, without its ending.
-_LONGEST = 120
+_MAX_NAME = 120
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Run:
         return scene
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def scene_values(self) -> dict[str, Any]:
         """The values as in a scene file for this run alone."""
         found = {k: dict(v) if isinstance(v, Mapping) else v for k, v in self.values.items()}
         for section, key, value in self.assigned:
@@ -67,9 +67,9 @@ class Run:
     @property
     def digest(self) -> str:
         """Digest of the values, times, contents of the input files and the program's version."""
-        told = [__version__, self.whole, self.times]
+        told = [__version__, self.scene_values, self.times]
         found = hashlib.sha256(json.dumps(told, default=str, sort_keys=True).encode())
-        for path in sorted(set(paths_in(self.whole))):
+        for path in sorted(set(paths_in(self.scene_values))):
             if os.path.isfile(path):
                 found.update(path.read_bytes())
         return found.hexdigest()[:32]
@@ -97,7 +97,7 @@ class Sweep:
             try:
                 scene = run.scene()
                 scene.check()
-                self.memory = max(self.memory, _bytes(scene))
+                self.memory = max(self.memory, _drawing_bytes(scene))
             except (GeometryError, SizeError) as error:
                 self.impossible[run.name] = str(error)
                 if len(self.impossible) == len(self.runs):
@@ -108,13 +108,13 @@ class Sweep:
                 raise
 
 
-def _bytes(scene: Scene) -> int:
+def _drawing_bytes(scene: Scene) -> int:
     """Return the memory for drawing; for yarns drawn in pieces, a number above any memory."""
     level = choose_level(scene, PictureRequest(picture_size(scene)))
     return sys.maxsize if level.has_sheet else level.bytes
 
 
-def sweep_of(
+def read_sweep(
     scene: str | Path,
     assignments: Sequence[str],
     *,
@@ -125,12 +125,12 @@ def sweep_of(
     """Return the runs of a scene for the arguments of ``--set``, each with a list of values."""
     file = library.find(scene).resolve()
     values = library.values_of(file, file.name)
-    return runs_of(
+    return make_sweep(
         Scene.read(file), values, assignments, file=file, paired=paired, times=times, fixed=fixed
     )
 
 
-def runs_of(
+def make_sweep(
     read: Scene,
     values: Mapping[str, Any],
     assignments: Sequence[str],
@@ -141,7 +141,7 @@ def runs_of(
     fixed: Sequence[tuple[str, str, Any]] = (),
 ) -> Sweep:
     """Return the runs of a scene that has been read, with the values of its file."""
-    lists = [swept(assignment, read.parts) for assignment in assignments]
+    lists = [parse_value_list(assignment, read.parts) for assignment in assignments]
     names = [each.name for each in lists]
     for name in names:
         if names.count(name) > 1:
@@ -160,7 +160,7 @@ def runs_of(
         raise InputError(f"{many} runs are too many", allowed=f"up to {MOST_RUNS}")
     ranges = [range(len(each.values)) for each in axes]
     places = list(zip(*ranges, strict=True)) if paired and axes else list(product(*ranges))
-    base, here = placed(values, read.parts, file.parent), Path.cwd()
+    base, here = resolve_paths(values, read.parts, file.parent), Path.cwd()
     always = [
         *((each.section, each.key, each.values[0]) for each in lists if len(each.values) == 1),
         *fixed,
@@ -171,17 +171,17 @@ def runs_of(
         chosen = [each.values[k] for each, k in zip(axes, place, strict=True)]
         said = [(e.section, e.key, value) for e, value in zip(axes, chosen, strict=True)]
         assigned = tuple(
-            (section, key, part_of(read.parts, section).parameter(key).within(value, here))
+            (section, key, require_part(read.parts, section).parameter(key).resolve_path(value, here))
             for section, key, value in [*always, *said]
         )
         labels = [each.label(value) for each, value in zip(axes, chosen, strict=True)]
-        name = _name(keys, labels)
+        name = _file_name(keys, labels)
         words = [f"{key} = {label}" for key, label in zip(keys, labels, strict=True)]
         runs.append(Run(name, tuple(words), tuple(chosen), file, base, assigned, tuple(times)))
-    return Sweep(axes, _apart(runs), read.title, paired)
+    return Sweep(axes, _make_names_unique(runs), read.title, paired)
 
 
-def placed(
+def resolve_paths(
     values: Mapping[str, Any],
     parts: Mapping[str, Parameterised | type[Parameterised]],
     folder: Path,
@@ -192,11 +192,11 @@ def placed(
         found[section] = said
         if isinstance(said, Mapping) and section in parts:
             part = parts[section]
-            found[section] = {k: part.parameter(k).within(v, folder) for k, v in said.items()}
+            found[section] = {k: part.parameter(k).resolve_path(v, folder) for k, v in said.items()}
     return found
 
 
-def _name(keys: Sequence[str], labels: Sequence[str]) -> str:
+def _file_name(keys: Sequence[str], labels: Sequence[str]) -> str:
     """Return a file name that contains the values, in characters that all disks accept."""
     pairs = [
         f"{key}={label}".replace("/", "-").replace("µ", "u").replace(" ", "")
@@ -205,19 +205,19 @@ def _name(keys: Sequence[str], labels: Sequence[str]) -> str:
     return re.sub(r"[^A-Za-z0-9_.+=-]+", "", "_".join(pairs)) or "run"
 
 
-def _apart(runs: list[Run]) -> list[Run]:
+def _make_names_unique(runs: list[Run]) -> list[Run]:
     """Return the runs with unique names; refuse the same run twice."""
     names = [run.name.casefold() for run in runs]
     found, seen = [], {}
     for run, name in zip(runs, names, strict=True):
-        if len(name) > _LONGEST or names.count(name) > 1:
+        if len(name) > _MAX_NAME or names.count(name) > 1:
             digest = run.digest
             if digest in seen:
                 raise InputError(
                     f"twice the same run: {', '.join(run.labels)}", cure="Name each value once."
                 )
             seen[digest] = run
-            run = replace(run, name=f"{run.name[:_LONGEST]}-{digest[:8]}")
+            run = replace(run, name=f"{run.name[:_MAX_NAME]}-{digest[:8]}")
         found.append(run)
     return found
 

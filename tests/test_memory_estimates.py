@@ -18,8 +18,8 @@ from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters import barycentric_warp
 from spacemap_vtk.scenes import level_of_detail
-from spacemap_vtk.scenes.footprint import PictureRequest
 from spacemap_vtk.scenes.level_of_detail import choose_level
+from spacemap_vtk.scenes.memory_estimates import PictureRequest
 from spacemap_vtk.scenes.scene import Scene
 
 RUN = """
@@ -37,7 +37,7 @@ for time in times:
 # Not getrusage's, which begins with what whoever started this has taken.
 with open("/proc/self/status") as stream:
     peak = next(1024 * int(line.split()[1]) for line in stream if line.startswith("VmHWM")) - before
-print(json.dumps([picture.level.form.value, picture.level.bytes, peak]))
+print(json.dumps([picture.level.method.value, picture.level.bytes, peak]))
 """
 
 
@@ -172,7 +172,7 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     weave, request = {"ends": 60, "picks": 60}, PictureRequest((640, 480))
     scene = Scene({"weave": weave, "surface": {"subdivisions": 4}, "response": {}})
     size = choose_level(scene, request).bytes
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: int(0.7 * size))
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: int(0.7 * size))
     with pytest.raises(SizeError) as caught:
         Picture(scene, [0.1], (640, 480))
     assert [stage.executions for stage in scene.stages] == [0] * 6
@@ -193,7 +193,7 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
 def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 800, "picks": 800}})
     size = choose_level(scene, PictureRequest((640, 480))).bytes
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size - 1)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: size - 1)
     with pytest.raises(
         SizeError, match=r"view\.size: a picture of 800 x 800 yarns, as a sheet, wou"
     ):
@@ -218,10 +218,10 @@ def test_what_rides_along_is_refused_before_it_is_taken(monkeypatch: pytest.Monk
     scene = Scene({"weave": {"ends": 9, "picks": 9}, "response": {}})
     scene.update_stage(scene.response, 0.1)
     points = scene.source.GetOutputDataObject(0).GetNumberOfPoints()
-    monkeypatch.setattr("spacemap_vtk.memory.SMALL", 0)
+    monkeypatch.setattr("spacemap_vtk.memory.NEVER_REFUSED", 0)
     size = barycentric_warp.estimate_bytes(points)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size - 1)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: size - 1)
     with pytest.raises(SizeError, match=f"to carry {points} points along"):
         scene.update_stage(scene.warp, 0.1)
-    monkeypatch.setattr("spacemap_vtk.memory.available", lambda: size)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: size)
     scene.update_stage(scene.warp, 0.1)
