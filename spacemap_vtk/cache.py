@@ -32,8 +32,8 @@ VARIABLE = "SPACEMAP_CACHE"
 #: Limit on the bytes of all entries together.
 MAX_BYTES = 2**30
 
-#: The folder is scanned each time this share of `MAX_BYTES` has been stored. Dragging a slider in the
-#: window stores dozens of entries a second, and a scan of thousands of files for each is too slow.
+#: The folder is scanned each time this share of `MAX_BYTES` has been stored. Dragging a slider in
+#: the window stores dozens of entries a second, and scanning thousands of files for each is slow.
 _SCAN_SHARE = 1 / 64
 _stored = {"bytes": float("inf")}
 
@@ -73,7 +73,9 @@ def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
             if sum(member.file_size for member in entry.infolist()) > MAX_BYTES:
                 raise ValueError(path)
             every = {name.removesuffix(".npy"): None for name in entry.namelist()}
-            arrays = {name: _read_array(entry, name, shape) for name, shape in (shapes or every).items()}
+            arrays = {
+                name: _read_array(entry, name, shape) for name, shape in (shapes or every).items()
+            }
         os.utime(path)
     except FileNotFoundError:
         return None

@@ -46,7 +46,7 @@ BUILT_IN = {
         "paraview": "spacemap_vtk.paraview.command:paraview",
     },
     "maps": {"smooth": "spacemap_vtk.embedding.smooth:SmoothInterpolation"},
-    "data": {"analysis": "spacemap_vtk.scenes.for_solvers:analysis_of"},
+    "data": {"analysis": "spacemap_vtk.scenes.input_deck:make_input_deck"},
     "renderers": {"raytrace": "spacemap_vtk.draw.raytrace:raytrace"},
 }
 

@@ -20,7 +20,7 @@ Invariants that other code relies on:
 - A stored value has always been checked; it is in SI and in canonical form (`Parameter.check`).
 - ``None`` is stored for an automatic value; users write the word `AUTOMATIC`. No code tests whether
   a value equals its default. Where it matters whether a user gave a value, the default is ``None``,
-  and `Parameterised.given` returns what a scene has set.
+  and `Parameterised.given_values` returns what a scene has set.
 - Assigning an equal value changes nothing and calls no hook.
 - An undeclared name is refused with the list of declared names. VTK objects would silently accept
   a misspelt attribute.
@@ -58,14 +58,14 @@ class Parameter(Generic[T]):
     automatic : str, optional
         What ``None`` means, e.g. ``"the middle of the feasible interval"``. If given, users can
         write `AUTOMATIC`. If the default is another value, that default is for cloth only: in a
-        scene of any other object the parameter is automatic, see `usual`.
+        scene of any other object the parameter is automatic, see `default_for`.
     group : str, optional
         Heading above the parameter in a window.
     when : mapping, optional
         Condition under which the parameter has an effect: names of other parameters of the class,
         each with the values that enable this one; an empty list means any value but ``None``. A
         parameter without it always has an effect. Everything that hides, disables or refuses
-        parameters without effect uses this, see `Parameterised.idle`.
+        parameters without effect uses this, see `Parameterised.disabled_by`.
     """
 
     kind = "value"
@@ -399,7 +399,9 @@ class Parameterised:
     def given_values(self) -> dict[str, Any]:
         """The values that were given, by name, including defaults that a scene sets."""
         # In order of declaration, whatever order they were set in.
-        names = [name for name in self.parameters if name in self._values or name in self._set_in_scene]
+        names = [
+            name for name in self.parameters if name in self._values or name in self._set_in_scene
+        ]
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -439,7 +441,7 @@ class Parameterised:
         Parameters
         ----------
         of_object : bool
-            As for `Parameter.usual`.
+            As for `Parameter.default_for`.
 
         Returns
         -------

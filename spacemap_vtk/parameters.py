@@ -38,7 +38,7 @@ class Real(Parameter[Any]):
         Limits of the range, inclusive.
     above, below : float, optional
         Limits of the range, exclusive.
-    trade : str, optional
+    trade_unit : str, optional
         Customary unit of the trade, one of those of `unit`, for computed figures.
     plausible : tuple of float, optional
         Range in SI in which a scene may give a number without a unit. A number outside was
@@ -61,13 +61,13 @@ class Real(Parameter[Any]):
         maximum: float | None = None,
         above: float | None = None,
         below: float | None = None,
-        trade: str = "",
+        trade_unit: str = "",
         plausible: tuple[float, float] | None = None,
         usual_units: str = "",
         **rest: Any,
     ) -> None:
         super().__init__(default, help, **rest)
-        self.trade_unit = trade
+        self.trade_unit = trade_unit
         self.plausible, self.usual_units = plausible, usual_units
         self.minimum, self.maximum, self.above, self.below = minimum, maximum, above, below
 
@@ -87,7 +87,9 @@ class Real(Parameter[Any]):
             raise InputError("not a finite number")
         self._check_range(number)
         if number and not 1 / _MAX_NUMBER <= abs(number) <= _MAX_NUMBER:
-            raise InputError(f"nothing is computed beyond {_MAX_NUMBER:g}, nor nearer to 0 than 1e-36")
+            raise InputError(
+                f"nothing is computed beyond {_MAX_NUMBER:g}, nor nearer to 0 than 1e-36"
+            )
         return number
 
     def parse(self, text: str) -> float:

@@ -1,7 +1,7 @@
 """Vector instructions for compiled loops that Numba does not vectorise.
 
-Each function here is inlined into a loop under `spacemap_vtk.parallel.compile_function` as a few LLVM
-instructions.
+Each function here is inlined as a few LLVM instructions into a loop that
+`spacemap_vtk.parallel.compile_function` compiles.
 
 - Arrays are flat and contiguous. Nothing is checked: the caller must keep to the bounds that each
   function states.

@@ -116,7 +116,9 @@ def parse_quantity(text: str, unit: str) -> float:
     if name == "":
         return number
     if name not in known:
-        raise InputError(f'unit "{name}" is not known here', value=text, allowed=_allowed_text(unit))
+        raise InputError(
+            f'unit "{name}" is not known here', value=text, allowed=_allowed_text(unit)
+        )
     # Dividing by an exact 1000 rounds once ("0.3 mm" is 0.0003); 0.3 * 1e-3 would round twice.
     size = known[name]
     parts = round(1 / size)

@@ -160,7 +160,9 @@ def run_on_cluster(
             client.cancel(list(futures))
 
 
-def start_worker(function: str, environment: Mapping[str, str], **more: Any) -> subprocess.Popen[bytes]:
+def start_worker(
+    function: str, environment: Mapping[str, str], **more: Any
+) -> subprocess.Popen[bytes]:
     """Start a process that applies the function "module:name" to each task that it receives."""
     # Without the empty entry, which is the current folder: it may be the folder of a stranger's
     # scene, whose modules must not be imported.

@@ -251,7 +251,7 @@ def test_a_sheet_lies_flat_once_its_scene_is_still() -> None:
     sheet = ClothSheet(scene)
     flat = sheet.deform_at(0.0).GetBounds()
     assert sheet.deform_at(0.3).GetBounds() != flat
-    scene.adopt({}, {"weave"})  # as the window switches the motion off
+    scene.apply_settings({}, {"weave"})  # as the window switches the motion off
     assert not scene.moves
     assert sheet.deform_at(0.3).GetBounds() == flat
     assert sheet.deform_with(None).GetBounds() == flat

@@ -145,7 +145,7 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
     scene = Scene(VALUES)
 
     def count(width: int, missing: int, asked: int | None, free: float) -> int:
-        monkeypatch.setattr(workers, "available", lambda: int(free))
+        monkeypatch.setattr(workers, "available_bytes", lambda: int(free))
         settings = FilmSettings.from_scene(scene, scene.animation.frame_times(), (width, width))
         return frames._worker_count(scene, settings, missing, asked)
 

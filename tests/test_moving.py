@@ -17,9 +17,9 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.datasets.arrays import array_of, points_of
+from spacemap_vtk.datasets.arrays import array_of, points_of, shallow_copy
 from spacemap_vtk.draw import morph_surface
-from spacemap_vtk.draw.frame import apply_mode_shape, copied
+from spacemap_vtk.draw.frame import apply_mode_shape
 from spacemap_vtk.draw.morph_surface import make_mode_surface, make_moving_surface
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.registry import writer

@@ -274,7 +274,11 @@ def test_a_parameter_says_when_it_counts() -> None:
     assert 'Used only if kind is "box".' in (Thing.__doc__ or "")
     assert 'Used only if kind is "box".' in (Thing.edge.__doc__ or "")
     thing = Thing()
-    assert (thing.disabled_by("kind"), thing.disabled_by("edge"), thing.disabled_by("turn")) == ("", "", "")
+    assert (thing.disabled_by("kind"), thing.disabled_by("edge"), thing.disabled_by("turn")) == (
+        "",
+        "",
+        "",
+    )
     assert thing.disabled_by("about") == "turn is auto"
     thing.configure(turn=2.0, kind="file", slow=False)
     assert thing.disabled_by("edge") == 'kind is "file"'

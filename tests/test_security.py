@@ -22,7 +22,6 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.file_references import file_references
 from spacemap_vtk.io.formats.pictures import decode_picture
 from spacemap_vtk.jobs.frames import FrameFolder
-from spacemap_vtk.scenes.origin import elsewhere
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.temporary_files import temporary_folder
@@ -126,7 +125,10 @@ def test_a_file_outside_the_scenes_folder_is_reported(home, name, far, capsys):
     # Files named on the command line are chosen by the user.
     scene.set(f"weave.draft={home.parent / 'other/far.wif'}")
     assert list(describe_outside_files(scene)) == []
-    assert list(describe_outside_files(Scene({"weave": {"draft": home.parent / "other/far.wif"}}))) == []
+    assert (
+        list(describe_outside_files(Scene({"weave": {"draft": home.parent / "other/far.wif"}})))
+        == []
+    )
 
 
 _XML = '<?xml version="1.0"?><VTKFile>{}</VTKFile>'

@@ -17,7 +17,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.figure.contact_sheet import contact_sheet
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.jobs.sweep import RunResult, execute_run, execute_sweep, table_rows
-from spacemap_vtk.scenes.runs import Run, Sweep, sweep_of
+from spacemap_vtk.scenes.sweep import Run, Sweep, read_sweep
 
 SCENE = """
 [weave]
@@ -114,7 +114,7 @@ def test_a_sweep_on_the_command_line(
 
 def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Path) -> None:
     cluster = pytest.importorskip("distributed", reason="comes with the extra [cluster]")
-    sweep = sweep_of(scene, [SPACINGS.replace("0.2 mm,", "")])
+    sweep = read_sweep(scene, [SPACINGS.replace("0.2 mm,", "")])
     two = execute_sweep(sweep, tmp_path / "two", workers=2)
     one = {each.name: execute_run(each) for each in sweep.runs}
     with cluster.LocalCluster(
@@ -128,7 +128,7 @@ def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Pat
             assert (tmp_path / folder / f"{name}.png").read_bytes() == each.pictures[0]
     # A run's own scene draws its picture, by itself; but it says of another file that it is its.
     own = tmp_path / "two" / f"{sweep.runs[0].name}.toml"
-    made = execute_run(sweep_of(own, []).runs[0]).pictures + one[own.stem].pictures
+    made = execute_run(read_sweep(own, []).runs[0]).pictures + one[own.stem].pictures
     first, second = (np.asarray(Image.open(io.BytesIO(picture))) for picture in made)
     np.testing.assert_array_equal(first, second)
 

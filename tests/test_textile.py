@@ -311,7 +311,7 @@ def test_a_figure_has_its_pictures_and_no_weave(
 
 def test_a_sweep_has_its_figures_and_its_pictures(scene: Path) -> None:
     # Run here: another process would not know the sources of this file.
-    runs = sweep_of(scene, [f"{scene.stem}.diameter=0.2mm,0.3mm"]).runs
+    runs = read_sweep(scene, [f"{scene.stem}.diameter=0.2mm,0.3mm"]).runs
     found = [execute_run(run) for run in runs]
     assert [one.error for one in found] == ["", ""]
     assert [float(one.figures["diameter [mm]"]) for one in found] == [0.2, 0.3]

@@ -36,7 +36,7 @@ def test_stages_show_their_state_time_and_runs(open_scene: Any) -> None:
 
 def test_every_declared_parameter_has_a_field(open_scene: Any) -> None:
     window = open_scene(wait=False)
-    for section, part in sections().items():
+    for section, part in section_classes().items():
         window.stages.select(section)
         rows = window.properties.rows
         assert list(rows) == list(part.parameters)

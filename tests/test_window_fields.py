@@ -211,7 +211,7 @@ def test_changing_a_load_keeps_the_comments_around_it(open_scene: Any) -> None:
 @pytest.mark.parametrize("scene", ["plain_weave", "gust"])
 def test_reset_restores_every_default(open_scene: Any, scene: str) -> None:
     window = open_scene(scene)
-    for section in sections():
+    for section in section_classes():
         window.stages.select(section)
         for name, row in window.properties.rows.items():
             if row.reset.isEnabled():
@@ -250,7 +250,7 @@ def test_parameter_without_effect_is_hidden_or_explained(open_scene: Any) -> Non
 
 def test_rows_without_effect_are_hidden(open_scene: Any) -> None:
     window = open_scene()
-    for section in sections():
+    for section in section_classes():
         window.properties.show_section(section)
         part = window.document.scene.parts[section]
         written = window.document.values.get(section, {})

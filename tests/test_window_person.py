@@ -192,7 +192,7 @@ def test_fast_random_input_breaks_nothing(open_window: Any, qtbot: Any, deeds: i
             drag(dice.choice(sliders), dice.choice([-6, -2, 2, 6]))
 
     def write() -> None:
-        section = dice.choice(list(sections()))
+        section = dice.choice(list(section_classes()))
         window.stages.select(section)
         rows = list(window.properties.rows.values())
         lines = [x for r in rows if (x := getattr(r.editor, "line", None)) and x.isVisible()]

@@ -44,7 +44,7 @@ from spacemap_vtk.app.work.director import Director
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.exports import Exports
 from spacemap_vtk.app.work.frame_request import Pull
-from spacemap_vtk.datasets.modal_model import measures_in
+from spacemap_vtk.datasets.modal_model import solver_results
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import ViewOptions
@@ -147,7 +147,7 @@ class MainWindow(QMainWindow):
         if isinstance(error, SpacemapError) and error.key:
             # Not during a drag: another page would replace the slider that is being dragged.
             section = error.section or ""
-            other = section in sections() and section != self.properties.section
+            other = section in section_classes() and section != self.properties.section
             if other and not self.director.is_dragging:
                 self.stages.select(section)
             self.properties.mark_error(error, about)
@@ -339,7 +339,7 @@ class MainWindow(QMainWindow):
         document.replaced.connect(self._warn_about_origin)
 
     def _warn_about_origin(self) -> None:
-        first, *more = [*elsewhere(self.document.scene), ""]
+        first, *more = [*describe_outside_files(self.document.scene), ""]
         if first:
             and_more = f", and {len(more) - 1} more" if more[1:] else ""
             self.errors.show_warning(f"{first}{and_more}.", "elsewhere")
@@ -449,7 +449,7 @@ class MainWindow(QMainWindow):
             # Also while playing; only a drag can change the modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.set_angles(self.document.scene.stage("rotation") is not None)
-            self.properties.show_results("modal", measures_in(frame.cage), frame.in_use)
+            self.properties.show_results("modal", solver_results(frame.cage), frame.in_use)
         # If only the camera has moved, keep the text about a picked point.
         if not frame.coarse and _frame_key(frame) != self._pick_key:
             self._pick_key = None
@@ -467,8 +467,8 @@ class MainWindow(QMainWindow):
         if warnings:
             headline = _shorten_warning(warnings[0])
         if frame.motion and frame.motion["large"]:
-            warnings.insert(0, f"The motion {motion_told(frame.motion)}")
-            headline = f"The motion {motion_in_short(frame.motion)}"
+            warnings.insert(0, f"The motion {describe_motion(frame.motion)}")
+            headline = f"The motion {summarise_motion(frame.motion)}"
             # A click on the cure applies it.
             link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
         details = self.document.drafts.replace_paths("\n".join(warnings))

@@ -92,7 +92,7 @@ def info(
     for heading in ("", "warp", "weft"):
         table.add_column(heading, justify="right" if heading else "left")
     for warp, weft in figure_list.yarn_figures(figures):
-        table.add_row(warp.label, warp.text, weft.told)
+        table.add_row(warp.label, warp.text, weft.text)
     print_plain(table)
     print_labelled((figure.label, figure.text) for figure in figure_list.cloth_figures(figures))
     print_warnings(chosen, quiet)

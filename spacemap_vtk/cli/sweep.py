@@ -30,7 +30,7 @@ from spacemap_vtk.errors import InputError, SpacemapError
 
 if TYPE_CHECKING:
     from spacemap_vtk.jobs.sweep import RunResult
-    from spacemap_vtk.scenes.runs import Sweep
+    from spacemap_vtk.scenes.sweep import Sweep
 
 #: Beginnings of the headings of figures that are printed first if they differ between runs. The
 #: table's file contains all figures.
@@ -114,7 +114,7 @@ def sweep(
     if color is not None:
         fixed.append(("view", "color", color))
     from spacemap_vtk.jobs.sweep import SHEET, TABLE, execute_sweep
-    from spacemap_vtk.scenes.runs import sweep_of
+    from spacemap_vtk.scenes.sweep import read_sweep
 
     asked = sweep_of(scene, set_, paired=paired, times=times, fixed=fixed)
     with progress(None, "Running", quiet) as report_progress:

@@ -49,9 +49,9 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
             return (sign * largest).tolist()
     elif not trusted:
         raise GeometryError(
-            f"of the input only piece {piece.number} of {piece.total} is here, and how far the rest "
-            "reaches is not known",
-            cure="Ask for all of it, or run as many processes as there are pieces.",
+            f"only piece {piece.number} of {piece.total} of the input is available, and the bounds "
+            "of the whole are unknown",
+            cure="Request the whole input, or run one process for each piece.",
         )
     assert rows is not None
     return rows[1].tolist()

@@ -7,8 +7,8 @@ Invariants, without which processes would wait for each other for ever:
 
 - A run is collective if each process makes the piece of its rank. Then every process runs the same
   stages in the same order, and each run ends with `Processes.finish` or `Processes.fail`.
-- Every exchange inside a run comes after `Processes.agree`. A process that fails earlier sends its
-  error there, and all other processes stop too.
+- Every exchange inside a run comes after `Processes.check_peers`. A process that fails earlier
+  sends its error there, and all other processes stop too.
 """
 
 from __future__ import annotations

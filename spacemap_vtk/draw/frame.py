@@ -78,7 +78,7 @@ class Frame:
     has_finer_yarns: bool = False
     #: Frame that is drawn in place of this one while the camera moves; None: this frame.
     preview: Frame | None = None
-    #: Figures of the motion, see `spacemap_vtk.scenes.report.motion`.
+    #: Figures of the motion, see `spacemap_vtk.scenes.report.report_motion`.
     motion: dict[str, Any] | None = None
 
 
@@ -93,8 +93,8 @@ def frame_of(
 ) -> Frame:
     """Return a frame with the results of a scene's last update, or with the given surface."""
     if cage is None and scene.moves:
-        cage = copied(scene.deformed_cage)
-    drawn = copied(scene.polygons if surface is None else surface)
+        cage = shallow_copy(scene.deformed_cage)
+    drawn = shallow_copy(scene.polygons if surface is None else surface)
     add_color_values(drawn, scene.view.color)
     return Frame(
         time,
@@ -107,7 +107,7 @@ def frame_of(
         camera=camera_of(scene),
         in_use={
             "view": {"camera": camera_of(scene)},
-            **{stage.section: stage.in_use for stage in scene.stages},
+            **{stage.section: stage.automatic_values for stage in scene.stages},
         },
         arrows=arrows_of(scene, time) if loads else None,
         cloth=cloth,

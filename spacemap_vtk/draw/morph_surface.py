@@ -21,7 +21,7 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, shallow_copy, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.datasets.moving_surface import Clip, MovingSurface, Sight, shortened
+from spacemap_vtk.datasets.moving_surface import Clip, InitialView, MovingSurface, quantise_targets
 from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
@@ -170,7 +170,11 @@ def make_moving_surface(
 
 
 def make_mode_surface(
-    scene: Scene, tell: Tell, most: int = 2**32, sides: int = 0, say: Say | None = None
+    scene: Scene,
+    tell: StepProgress,
+    most: int = 2**32,
+    sides: int = 0,
+    say: MessageCallback | None = None,
 ) -> MovingSurface:
     """Return a scene's surface in equilibrium, with a target and a clip for each mode."""
     say = say or scene.warn
@@ -230,7 +234,9 @@ def _linear_stages(scene: Scene) -> list[Stage]:
     return [scene.warp] if scene.stage("crimp") else [scene.cage_stage, scene.warp]
 
 
-def _displacements(scene: Scene, stage: Stage, times: Sequence[float], tell: Tell) -> AnyFloats:
+def _displacements(
+    scene: Scene, stage: Stage, times: Sequence[float], tell: StepProgress
+) -> AnyFloats:
     """Return the displacements of a stage's points since the first time, (T, n, 3)."""
     found: AnyFloats = np.empty(0)
     for number, time in enumerate(times):
@@ -285,7 +291,7 @@ def _surface_targets(
         say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
     # Targets of many points are also stored in quantised form: nine bytes for each 24.
     few = 3 * size // 8 if data is None and _is_large(still) else 0
-    require(size + few + frame_bytes(len(still.points)), what, cure=cure)
+    require_memory(size + few + frame_bytes(len(still.points)), what, cure=cure)
     # For a motion, `_compare_frames` computes the targets of normals from the frames.
     faces = data is not None and still.normals is not None
     data = stage.output if data is None else data
@@ -319,7 +325,7 @@ def _compare_frames(
     targets: Singles,
     weights: Singles,
     seen: SurfaceRecorder,
-    tell: Tell,
+    tell: StepProgress,
 ) -> tuple[float, Singles | None]:
     """Return the largest distance between sum of targets and surface, and normals' targets."""
     error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
@@ -381,7 +387,7 @@ def _require_patches(scene: Scene, most: int) -> None:
     # Closed tubes have as many points as quadrilaterals, after coincident points are merged.
     least = int(0.9 * quads)
     _require_file_size(24 * least + 24 * quads, f"{least} points", most, _COARSER)
-    require(
+    require_memory(
         patch_bytes(scene, cloth.patches) + mesh_bytes(points),
         f"a surface of {points / 1e6:.3g} million points, as triangles with colours,",
         cure=_COARSER,
@@ -462,12 +468,16 @@ def _make_still_surface(
     return still, rows
 
 
-def _initial_view(scene: Scene) -> Sight:
-    view, look, usual = scene.view, scene.view.look, View().look
-    shadows = view.shadows and not COLORINGS[view.color].numbers
-    back = f"#{bytes(look.below).hex()}", f"#{bytes(look.above).hex()}"
-    own = back if (look.below, look.above) != (usual.below, usual.above) else None
-    return Sight(CAMERAS, camera_of(scene), view.zoom, own, relief_of(scene), shadows)
+def _initial_view(scene: Scene) -> InitialView:
+    view, look, usual = scene.view, scene.view.resolved_style, View().resolved_style
+    shadows = view.shadows and not COLORINGS[view.color].shows_numbers
+    back = f"#{bytes(look.bottom_color).hex()}", f"#{bytes(look.top_color).hex()}"
+    own = (
+        back
+        if (look.bottom_color, look.top_color) != (usual.bottom_color, usual.top_color)
+        else None
+    )
+    return InitialView(CAMERAS, camera_of(scene), view.zoom, own, relief_of(scene), shadows)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:

@@ -11,7 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkProp, vtkRenderer, vtkRenderWindow
 
-from spacemap_vtk.datasets.quiet import silent_vtk
+from spacemap_vtk.datasets.vtk_messages import capture_vtk_messages
 from spacemap_vtk.draw.camera import add_front_renderer, make_renderer
 from spacemap_vtk.draw.graphics import (
     INSTALL_DRIVERS,
@@ -114,7 +114,7 @@ class OffscreenWindow:
 
 
 def _make_window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
-    with silent_vtk() as said:
+    with capture_vtk_messages() as said:
         window = vtkRenderWindow()
     if "OSMesa not found" in said.GetOutput():  # VTK's last attempt failed, and it would crash
         raise MissingLibraryError(NO_DRIVER, cure=INSTALL_DRIVERS)

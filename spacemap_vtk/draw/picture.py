@@ -150,7 +150,7 @@ class Picture:
         room, self._span = extent or motion_extent(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
         self.panels: list[_Panel] = []
-        for panel, w in zip(panels, widths_of(width, len(panels)), strict=True):
+        for panel, w in zip(panels, panel_widths(width, len(panels)), strict=True):
             self.panels.append(self._make_panel(scene, panel, (w, height), room))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces: YarnPieces | None = None
@@ -169,10 +169,10 @@ class Picture:
             panel.window.set_samples(SAMPLES)
         if cloth.clearance:
             self._warn_of_few_facets()
-        if self.level.form is Form.SHADER:
+        if self.level.method is DrawingMethod.SHADER:
             for each in self.panels:
                 each.scene_view.sheet.show_single_yarns(True)
-        if self.level.form in (Form.PIECES, Form.TILES):
+        if self.level.method in (DrawingMethod.PIECES, DrawingMethod.TILES):
             patches = cloth.patches // self.level.pieces
             sides = cloth.subdivisions or self.level.sides
             require_piece(scene, (cloth.ends, cloth.picks), patches, sides)
@@ -264,7 +264,9 @@ class Picture:
         if box is None:
             return None
         depth = depths_to_metres(window.camera, depths[box])
-        shade = contact_shadows(depth, self._relief, pixels, self.scene.view.look.occlusion)
+        shade = contact_shadows(
+            depth, self._relief, pixels, self.scene.view.resolved_style.occlusion
+        )
         if signs is not None:
             # Signs are not objects of the scene: they neither cast nor receive shadows.
             shade[signs[box] < depths[box]] = 1.0
@@ -299,7 +301,9 @@ class Picture:
         room = 0.0 if self._span is None or self._bare else color_bar_share(size)
         _place_camera(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
         window.camera.SetWindowCenter(room, 0.0)
-        behind = gradient_background(size, view.look.below, view.look.above)
+        behind = gradient_background(
+            size, view.resolved_style.bottom_color, view.resolved_style.top_color
+        )
         if self._clear:
             behind = transparent_background(size)
         return _Panel(window, shown, look, shaded, behind, size)
@@ -341,8 +345,8 @@ def choose_picture_facets(
     cloth = DrawnCloth.from_scene(scene)
     if cloth is None:
         return False
-    camera, width = vtkCamera(), widths_of(size[0], len(panels_of(scene, show)))[-1]
-    scaled = COLORINGS[scene.view.color].numbers and not bare
+    camera, width = vtkCamera(), panel_widths(size[0], len(panel_contents(scene, show)))[-1]
+    scaled = COLORINGS[scene.view.color].shows_numbers and not bare
     share = color_bar_share((width, size[1])) if scaled else 0.0
     _place_camera(scene, camera, room, (1 - share) * width / size[1], place)
     camera.SetWindowCenter(share, 0.0)
@@ -385,7 +389,7 @@ def motion_extent(
     seen = choose is not None and choose(room)
     if sheet is not None and seen:
         sheet.sides = scene.surface.sides
-    numbered = COLORINGS[scene.view.color].numbers
+    numbered = COLORINGS[scene.view.color].shows_numbers
     ends = [end for time in chosen for end in _value_range(scene, time, sheet)] if numbered else []
     return room, natural_span(np.array(ends)) if ends else None
 

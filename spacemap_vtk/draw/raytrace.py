@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.datasets.moving_surface import linear
+from spacemap_vtk.datasets.moving_surface import to_linear_light
 from spacemap_vtk.draw.camera import VIEW_ANGLE, aim_camera, pixels_per_metre, project_points
 from spacemap_vtk.draw.compose import gradient_background
 from spacemap_vtk.draw.detail.yarn_recorder import YarnRecorder
@@ -94,7 +94,9 @@ def require_mitsuba() -> None:
         ) from None
 
 
-def raytrace(scene: Scene, time: float, size: tuple[int, int], samples: int, tell: Tell) -> Image:
+def raytrace(
+    scene: Scene, time: float, size: tuple[int, int], samples: int, tell: StepProgress
+) -> Image:
     """Return a picture of a scene's cloth at a time, traced with `samples` rays per pixel."""
     require_mitsuba()
     if scene.woven is None:
@@ -109,14 +111,16 @@ def raytrace(scene: Scene, time: float, size: tuple[int, int], samples: int, tel
     camera, aspect = vtkCamera(), size[0] / size[1]
     aim_camera(camera, motion_extent(scene, [time])[0], aspect, camera_of(scene), scene.view.zoom)
     curves, colors = _visible_fibres(scene, camera, size)
-    require(
+    require_memory(
         _MITSUBA + _POINT * len(curves.points) + _PIXEL * size[0] * size[1],
         f"to trace {len(curves.counts)} fibres",
         cure="Come nearer (view.zoom), or take a smaller picture.",
     )
     tell(1, _PASSES + 1)
     light = _trace(curves, colors, camera, size, samples, tell)
-    behind = gradient_background(size, scene.view.look.below, scene.view.look.above)
+    behind = gradient_background(
+        size, scene.view.resolved_style.bottom_color, scene.view.resolved_style.top_color
+    )
     return _compose_light(light, np.asarray(behind))
 
 

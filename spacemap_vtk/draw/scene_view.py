@@ -147,7 +147,7 @@ class SceneView:
     def span_of(self, frame: Frame) -> Span | None:
         """Return the ends of a frame's scale; while only the time changes, it never shrinks."""
         numbers = frame.surface.GetPointData().GetArray(COLOR_VALUES)
-        values = frame.crossings if COLORINGS[frame.color].numbers else None
+        values = frame.crossings if COLORINGS[frame.color].shows_numbers else None
         if numbers is not None:
             values = vtk_to_numpy(numbers)
         if values is None:
@@ -236,7 +236,9 @@ class SceneView:
         solid = look.fabric and not look.wireframe and not self._moving
         cut = self.cut if solid and yarns is not None else None
         surface = frame.surface if yarns is None else yarns
-        self.cut_face.fill(surface, cut, frame.color, view.object_color, self._span, view.look)
+        self.cut_face.fill(
+            surface, cut, frame.color, view.object_color, self._span, view.resolved_style
+        )
 
     @property
     def occlusion(self) -> float:
@@ -306,14 +308,17 @@ class SceneView:
 
     def _show_sheet(self, frame: Frame, cloth: Cloth) -> None:
         around = frame.surface if frame.surroundings is None else frame.surroundings
-        style = self._view.look
+        style = self._view.resolved_style
         # The sheet gets contact shadows only if yarns would get them too.
         self.sheet.show_sheet(around, cloth, frame.color, self._span, style, frame.crossings)
         self.sheet.set_shadow_strength(self.occlusion if self.shades else 0.0)
         self._set_representation(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
-        style, colors = self._view.resolved_style, (frame.color, self._view.object_color, self._span)
+        style, colors = (
+            self._view.resolved_style,
+            (frame.color, self._view.object_color, self._span),
+        )
         # Outlines in the shader need round edges; other surfaces get lines of `OutlineActor` only.
         actor.show(frame.surface, *colors, frame.painting, style, self._point * frame.closed)
         # Back faces of closed yarns are hidden, but take as much time as front faces.

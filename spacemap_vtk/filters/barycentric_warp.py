@@ -317,7 +317,9 @@ class _Embedding:
             return QuadraticGradients(self.location, self.vertices, self.elements)
         return AffineInterpolation(np.empty((0, 3)), self.location, self.vertices, self.elements)
 
-    def rotate_normals(self, normals: NDArray[Any], displacement: NDArray[Any]) -> NDArray[np.float32]:
+    def rotate_normals(
+        self, normals: NDArray[Any], displacement: NDArray[Any]
+    ) -> NDArray[np.float32]:
         each: AnyInts = np.arange(len(normals))
         if isinstance(self._slopes, QuadraticGradients):
             gradients = self._slopes.compute(displacement)

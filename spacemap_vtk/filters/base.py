@@ -285,7 +285,9 @@ class Stage(Algorithm):
         yield from reversed(seen)
 
 
-def _collect_upstream(stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]) -> None:
+def _collect_upstream(
+    stage: vtkAlgorithm, seen: list[vtkAlgorithm], below: tuple[vtkAlgorithm, ...]
+) -> None:
     """Append a stage to `seen`, after all stages above it; refuse a ring."""
     if stage in below:
         name = type(stage).__name__
@@ -401,8 +403,8 @@ def _claim(stages: Sequence[Stage]) -> list[Stage]:
                     "a threading.Lock round the update and the use of what it makes.",
                 )
         for stage in taken:
-            stage._updated_by, stage._error, stage.turned = own, None, False
-            if stage._is_late:
+            stage._updated_by, stage._error, stage.rotation_removed = own, None, False
+            if stage._changed_in_run:
                 stage.Modified()
     return taken
 

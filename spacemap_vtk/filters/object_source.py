@@ -184,7 +184,11 @@ class ObjectSource(Stage):
     def _request_data_object(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         kind = "vtkPolyData"
         try:
-            if self.file is None or self._loaded_type is None or self._loaded_type[0] != self._file_states():
+            if (
+                self.file is None
+                or self._loaded_type is None
+                or self._loaded_type[0] != self._file_states()
+            ):
                 self.load()
             if self._loaded_type is not None:
                 kind = self._loaded_type[1]

@@ -162,7 +162,7 @@ class RotationStrain(Stage):
                         "stretch",
                         cure="Leave out the section [rotation].",
                     )
-                stage.turned = turned
+                stage.rotation_removed = turned
 
     @property
     def motion(self) -> Motion | None:

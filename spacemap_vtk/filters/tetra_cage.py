@@ -339,7 +339,9 @@ class TetraCage(Stage):
                 'method "file" needs a file', key="file", allowed=type(self).file.allowed
             )
         with add_key_to_errors("file"):
-            volume = split_into_tetrahedra(merge_blocks(read_blocks(self.file), self.file), str(self.file))
+            volume = split_into_tetrahedra(
+                merge_blocks(read_blocks(self.file), self.file), str(self.file)
+            )
         for note in volume.notes:
             self.warn(note)
         output.ShallowCopy(volume.grid)

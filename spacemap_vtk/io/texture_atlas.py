@@ -24,7 +24,7 @@ from spacemap_vtk.datasets.arrays import add_array, color_array_name, to_array, 
 from spacemap_vtk.datasets.vtk_messages import raise_vtk_errors
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.formats.pictures import decode_picture
-from spacemap_vtk.memory import require
+from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bytes
 
 Pixels = Bytes  # (height, width, 3 or 4), bottom row first

@@ -227,7 +227,9 @@ def compute_data(scene: Scene, kind: str, time: float, span: Span | None = None)
     # A cage needs none of the stages after it.
     last = moved if kind == "patches" else scene.stages[-1]
     scene.update_stage(scene.cage_stage if kind == "cage" else last, time)
-    data = shallow_copy(scene.data(kind))  # with a time, the pipeline would take its data for up to date
+    data = shallow_copy(
+        scene.data(kind)
+    )  # with a time, the pipeline would take its data for up to date
     if scene.moves:
         data.GetInformation().Set(data.DATA_TIME_STEP(), time)  # VTK's formats store it
     return data

@@ -97,10 +97,10 @@ class FilmJob(Job):
     def write(self, context: Context) -> str:
         """Draw and encode the frames; return a sentence on those that existed before."""
         from spacemap_vtk.jobs.frames import FilmSettings, FrameFolder, write_film
-        from spacemap_vtk.scenes import face
+        from spacemap_vtk.scenes import flat_picture
 
         scene, atomic = context.scene, context.atomic
-        width, height = self.size or face.picture_size(scene)
+        width, height = self.size or flat_picture.picture_size(scene)
         if self.size is None and self.output.suffix.lower() == ".gif":
             width, height = max(_SMALLEST, width // 2), max(_SMALLEST, height // 2)
         fill_background(self.output, self._content, scene)

@@ -93,7 +93,7 @@ class FilmSettings:
     def make_scene(self) -> Scene:
         """Return the scene before its pipeline has run."""
         scene = Scene({}, self.file)
-        scene.adopt(self.settings, self.sections)
+        scene.apply_settings(self.settings, self.sections)
         return scene
 
     def make_picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
@@ -224,7 +224,7 @@ def write_film(
     scene: Scene,
     settings: FilmSettings,
     kept: FrameFolder,
-    tell: Tell,
+    tell: StepProgress,
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames without a format; return how many existed before."""

@@ -174,7 +174,7 @@ def _write_surface(job: Job, context: Context, made: Any) -> str:
         size = file.stat().st_size
     count = len(made.targets)
     words = [format_count(count, "target")] if count else []
-    if "largest_error" in made.about:
-        near = format_quantity(made.about["largest_error"], "m", 3)
-        words.append(f"{made.about['frames']} frames, each within {near}")
+    if "largest_error" in made.metadata:
+        near = format_quantity(made.metadata["largest_error"], "m", 3)
+        words.append(f"{made.metadata['frames']} frames, each within {near}")
     return ", ".join([*words, format_size(size)])

@@ -126,7 +126,7 @@ def _compute_figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
 
 
 def _draw_picture(scene: Scene, time: float) -> bytes:
-    with vanishing_folder() as folder:
+    with temporary_folder() as folder:
         job = PictureJob(folder / "picture.png", time)
         job.run(scene, atomic=False)
         return job.output.read_bytes()
@@ -158,7 +158,7 @@ def execute_sweep(
     tell(len(found), len(sweep.runs))
     function = f"{__name__}:{execute_run.__name__}"
     answers = (
-        on_cluster(cluster, execute_run, waiting)
+        run_on_cluster(cluster, execute_run, waiting)
         if cluster
         else run_in_processes(function, waiting, count)
     )

@@ -74,7 +74,7 @@ def property_of(parameter: Parameter[Any]) -> Property:
     SubElement(made.xml, "Documentation").text = parameter.describe()
     if parameter.automatic and parameter.optional:
         # ParaView ignores this for a file, because the field of a file cannot show such a text.
-        add_hint(made.xml, "PlaceholderText").text = parameter.show(None)
+        add_hint(made.xml, "PlaceholderText").text = parameter.format(None)
     return made
 
 
@@ -94,7 +94,7 @@ def _property_maker(parameter: Parameter[Any]) -> Callable[[Any], Property]:
 def _number(parameter: Real) -> Property:
     xml = _number_vector(parameter, [parameter.default])
     _add_range(xml, parameter)
-    _add_component_labels(xml, [pretty(parameter.unit)])
+    _add_component_labels(xml, [typeset_units(parameter.unit)])
     return Property(xml, lambda value: value, lambda value: value)
 
 

@@ -98,7 +98,9 @@ def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
             value = figures[family][key]
             value = len(value) if isinstance(value, list) else value
             number = None if isinstance(value, str) else value
-            pair.append(Figure(f"{family}_{key}", label, _format_figure(value, unit), number, unit or ""))
+            pair.append(
+                Figure(f"{family}_{key}", label, _format_figure(value, unit), number, unit or "")
+            )
         found.append((pair[0], pair[1]))
     return found
 
@@ -120,7 +122,9 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         figure("areal_mass", "areal mass", "kg/m2", "{:.4g} g/m²", 1e3),
         Figure("repeat", "smallest repeat", "{} x {}".format(*figures["repeat"])),
         figure("shafts", "shafts, treadles", "", f"{{}}, {treadles}"),
-        Figure("feasible_height", "h1 feasible", " to ".join(_format_figure(h, "m") for h in heights)),
+        Figure(
+            "feasible_height", "h1 feasible", " to ".join(_format_figure(h, "m") for h in heights)
+        ),
         _clearance(figures, "least_clearance", "least clearance"),
     ]
     if figures.get("cloths") == 2:
@@ -188,7 +192,11 @@ def textile_figures(textile: Textile) -> list[Figure]:
     """Return the figures that a source that is not woven declares for its yarns."""
     diameters = textile.yarn_diameters
     low, high = float(diameters.min()), float(diameters.max())
-    told = _format_figure(low, "m") if low == high else f"{_format_figure(low, 'm')} to {_format_figure(high, 'm')}"
+    told = (
+        _format_figure(low, "m")
+        if low == high
+        else f"{_format_figure(low, 'm')} to {_format_figure(high, 'm')}"
+    )
     families = ", ".join(f"{count} {name}" for name, count in textile.families.items())
     found = [
         Figure("yarns", "yarns", families, len(diameters)),
@@ -196,7 +204,9 @@ def textile_figures(textile: Textile) -> list[Figure]:
     ]
     if (masses := textile.linear_densities) is not None:
         mean = float(masses.mean())
-        found.append(Figure("linear_density", "yarn count", _format_figure(mean, "kg/m"), mean, "kg/m"))
+        found.append(
+            Figure("linear_density", "yarn count", _format_figure(mean, "kg/m"), mean, "kg/m")
+        )
     if (extent := textile.extent) is not None:
         found.append(Figure("extent", "extent", " x ".join(_cell(x, "m") for x in extent.tolist())))
     for key, label, value, unit in textile.figures:

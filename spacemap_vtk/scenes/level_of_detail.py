@@ -226,7 +226,9 @@ def choose_level(
     size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if flat_cloth(scene) else None
     shader = opengl and not request.wireframe
-    form = choose_method(cloth, face, fits_in_memory(size), opengl=opengl, shader=shader, window=window)
+    form = choose_method(
+        cloth, face, fits_in_memory(size), opengl=opengl, shader=shader, window=window
+    )
     if form is DrawingMethod.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)

@@ -97,7 +97,11 @@ def supersampling(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int,
 def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
     """Return the memory of windows and pictures, including the program's."""
     view, panels = scene.view, panel_contents(scene, request.panels)
-    shadows = view.shadows and view.resolved_style.occlusion > 0.0 and not COLORINGS[view.color].shows_numbers
+    shadows = (
+        view.shadows
+        and view.resolved_style.occlusion > 0.0
+        and not COLORINGS[view.color].shows_numbers
+    )
     drawn = 0
     for panel, width in zip(panels, panel_widths(request.size[0], len(panels)), strict=True):
         size = width, request.size[1]

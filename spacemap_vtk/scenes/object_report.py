@@ -40,7 +40,8 @@ def report_object(scene: Scene) -> dict[str, Any]:
         "cell_types": _count_cell_types(data),
         "bounds": [low.tolist(), high.tolist()],
         "size": (high - low).tolist(),
-        "arrays": _list_arrays(data.GetPointData(), "points") + _list_arrays(data.GetCellData(), "cells"),
+        "arrays": _list_arrays(data.GetPointData(), "points")
+        + _list_arrays(data.GetCellData(), "cells"),
         "triangles": len(triangles),
         "open_edges": open_,
         "branching_edges": branching,

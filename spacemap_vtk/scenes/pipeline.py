@@ -98,7 +98,9 @@ def switch_section(
     """Return a scene's sections after the stage of one section is switched on or off."""
     if on:
         return {section} | {other for other in given if is_compatible(parts, section, [other])}
-    middle = {stage.section for stage in choose_stages(parts, given) if _uses_cage(stage)} - {section}
+    middle = {stage.section for stage in choose_stages(parts, given) if _uses_cage(stage)} - {
+        section
+    }
     rest = set(given) - {section}
     part = parts[section]
     if not isinstance(part, Stage) or part.role in ROLES:

@@ -246,7 +246,9 @@ def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | N
     return figures
 
 
-def _shadow_areas(solver: ModalSolver, model: Model, down: Floats) -> tuple[float, float, float | None]:
+def _shadow_areas(
+    solver: ModalSolver, model: Model, down: Floats
+) -> tuple[float, float, float | None]:
     """Return the areas of a hanging sheet's shadow, of the sheet, and of the disc below it."""
     surface = model.pencil.surface
     assert surface is not None
@@ -258,7 +260,7 @@ def _shadow_areas(solver: ModalSolver, model: Model, down: Floats) -> tuple[floa
     triangles = surface.quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     across = np.eye(3)[surface.normal]
     cast, area = shadow_area(draped, triangles, down), shadow_area(flat, triangles, across)
-    held = parse_places(" ".join(solver.fixed or solver.in_use.get("fixed", ())))
+    held = parse_places(" ".join(solver.fixed or solver.automatic_values.get("fixed", ())))
     if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > COSINE_OF_LEVEL:
         *centre, radius = held[0].numbers
         height = float((flat.mean(axis=0) - centre) @ across)
@@ -339,7 +341,7 @@ def report_cloth(scene: Scene) -> dict[str, Any]:
 
 
 def add_clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None, None]:
-    """Add the least clearance to the figures of `report_cloth`, unless yarns do not fit; yields often."""
+    """Add the least clearance to the figures of a cloth whose yarns fit, in many short steps."""
     if figures["thickness"] is None:
         return
     assert scene.woven is not None

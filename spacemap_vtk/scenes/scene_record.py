@@ -32,7 +32,9 @@ def make_record(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) 
             files |= dict.fromkeys(_input_files(part.settings, name == scene.motion.section))
     file = scene.file.name if scene.file else ""
     text = format_scene(values, f"{file or 'a scene'}, as it was run")
-    inputs = {_relative_name(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files}
+    inputs = {
+        _relative_name(path, folder): _digest(path, path.stat().st_mtime_ns) for path in files
+    }
     return Record(__version__, order, text, file, tuple(times), inputs)
 
 
@@ -42,7 +44,11 @@ def scene_values(scene: Scene) -> dict[str, Any]:
     values: dict[str, Any] = {"title": scene.title}
     for name, part in scene.parts.items():
         # Skip stages that are neither given nor connected. All else counts, given or not.
-        if name not in scene.given_sections and isinstance(part, Stage) and part not in scene.stages:
+        if (
+            name not in scene.given_sections
+            and isinstance(part, Stage)
+            and part not in scene.stages
+        ):
             continue
         said = _changed_values(part, folder, scene.object.section in scene.given_sections)
         if said or name in scene.given_sections:

@@ -190,7 +190,7 @@ class View(Parameterised):
             return self.cage_color
         look = self.resolved_style
         dark = is_dark(look.bottom_color)
-        if look.line_color is not None and is_dark(look.ink) != dark:
+        if look.line_color is not None and is_dark(look.line_color) != dark:
             return look.line_color
         return LINES_ON_DARK if dark else LINES
 

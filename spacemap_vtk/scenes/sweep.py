@@ -171,7 +171,11 @@ def make_sweep(
         chosen = [each.values[k] for each, k in zip(axes, place, strict=True)]
         said = [(e.section, e.key, value) for e, value in zip(axes, chosen, strict=True)]
         assigned = tuple(
-            (section, key, require_part(read.parts, section).parameter(key).resolve_path(value, here))
+            (
+                section,
+                key,
+                require_part(read.parts, section).parameter(key).resolve_path(value, here),
+            )
             for section, key, value in [*always, *said]
         )
         labels = [each.label(value) for each, value in zip(axes, chosen, strict=True)]

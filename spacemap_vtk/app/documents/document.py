@@ -259,13 +259,16 @@ class Document(QObject):
         scene, sections_before = self.scene, self.values.keys() - {"title"}
         if on == (scene.parts[section] in scene.stages) and not values:
             return
-        sections_on = switched(scene.parts, sections_before, section, on)
-        stages_on, removed_sections = chain(scene.parts, sections_on), sections_before - sections_on
+        sections_on = switch_section(scene.parts, sections_before, section, on)
+        stages_on, removed_sections = (
+            choose_stages(scene.parts, sections_on),
+            sections_before - sections_on,
+        )
         if on:
             for name, (_, together) in self._off.items():
-                if together and fits(scene.parts, name, sections_on):
+                if together and is_compatible(scene.parts, name, sections_on):
                     sections_on.add(name)
-            stages_on = chain(scene.parts, sections_on)
+            stages_on = choose_stages(scene.parts, sections_on)
             sections_on |= {stage.section for stage in stages_on} & self._off.keys()
         elif len(removed_sections) > 1:
             self._off = {name: (table, False) for name, (table, _) in self._off.items()}
@@ -286,7 +289,7 @@ class Document(QObject):
 
         self._change(
             change,
-            f"switch {'on' if on else 'off'} {words_of(type(scene.parts[section]).__name__)}",
+            f"switch {'on' if on else 'off'} {stage_title(type(scene.parts[section]).__name__)}",
         )
         before, after = (
             [stage_title(type(s).__name__) for s in stages if s.section != section]
@@ -439,7 +442,9 @@ class Document(QObject):
     def _is_same_value(self, old: Any, new: Any, parameter: Any) -> bool:
         """Return whether a written value ("20 ms") equals an editor's value in SI units (0.02)."""
         # Likewise for paths: an editor gives the absolute path.
-        old_value, new_value = (parameter.within(v, self._folder) for v in (_unwrap(old), new))
+        old_value, new_value = (
+            parameter.resolve_path(v, self._folder) for v in (_unwrap(old), new)
+        )
         try:
             return bool(parameter.check(old_value) == parameter.check(new_value))
         except InputError:

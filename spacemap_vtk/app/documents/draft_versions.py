@@ -44,11 +44,11 @@ class DraftVersions:
         try:
             if self._folder is None:
                 parent = Path(tempfile.gettempdir()).resolve()
-                clear(parent)
-                self._folder, resources = hidden(parent), ExitStack()
+                remove_abandoned(parent)
+                self._folder, resources = hidden_path(parent), ExitStack()
                 weakref.finalize(self, resources.close)
                 resources.callback(shutil.rmtree, self._folder, ignore_errors=True)
-                hold(self._folder, resources)
+                lock_folder(self._folder, resources)
             path = self._folder / f"{hashlib.sha256(data).hexdigest()[:16]}{suffix}"
             if not path.exists():
                 try:

@@ -22,7 +22,7 @@ def as_command(document: Document, time: float) -> str:
     name = "plain_weave" if document.source is None else str(document.source)
     arguments = ["spacemap", "render", name, "-o", "picture.png", "--time", f"{time:g}"]
     base_scene, scene = Scene.read(name), document.scene
-    sections_on = set(base_scene.given)
+    sections_on = set(base_scene.given_sections)
     base_values, values = library.values_of(library.find(name)), document.values
     for section, part in scene.parts.items():
         for key, parameter in part.parameters.items():
@@ -38,7 +38,7 @@ def as_command(document: Document, time: float) -> str:
                 f"{section}.{key}={format_value(AUTOMATIC if text is None else text)}",
             ]
             sections_on.add(section)
-    if [stage.section for stage in chain(base_scene.parts, sections_on)] != [
+    if [stage.section for stage in choose_stages(base_scene.parts, sections_on)] != [
         s.section for s in scene.stages
     ]:
         raise InputError(

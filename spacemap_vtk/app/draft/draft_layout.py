@@ -189,7 +189,7 @@ class DraftLayout:
         return across.pixel_of(place.x) + across.size // 2, down.pixel_of(place.y) + down.size // 2
 
 
-def fit_cell_size(shown: Shown, space: tuple[int, int], smallest: int, largest: int) -> int:
+def fit_cell_size(shown: EditableDraft, space: tuple[int, int], smallest: int, largest: int) -> int:
     """Return the largest size of a cell with which the whole draft is visible."""
     ends, picks = shown.size
     width = space[0] - 2 * MARGIN - GAP - STRIP_DISTANCE - STRIP

@@ -10,7 +10,7 @@ from PySide6.QtCore import QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
 
 from spacemap_vtk.app.draft.draft_layout import GAP, DraftLayout, GridCell, PanelSpan
-from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.scenes.editable_draft import EditableDraft
 
 #: Smallest size of a cell to draw lines between cells, in pixels.
 _MIN_CELL_FOR_LINES = 5
@@ -47,7 +47,9 @@ class DraftColors(NamedTuple):
 class DraftPainter:
     """Paint one draft in one layout."""
 
-    def __init__(self, shown: Shown, layout: DraftLayout, inks: DraftColors, colored: bool) -> None:
+    def __init__(
+        self, shown: EditableDraft, layout: DraftLayout, inks: DraftColors, colored: bool
+    ) -> None:
         self._shown, self._layout, self._colors = shown, layout, inks
         self._colored = colored
 

@@ -65,7 +65,7 @@ class DraftTab(QWidget):
         self._bursts = itertools.count(1)
         self._burst = 0
         self._commit_time, self._committed_at = 0.0, 0.0
-        self._waiting: tuple[Shown, str] | None = None
+        self._waiting: tuple[EditableDraft, str] | None = None
         #: The loom before the change to a liftplan.
         self._treadle_loom: Loom | None = None
         self._commit_timer = single_shot(self, self._commit)
@@ -182,7 +182,7 @@ class DraftTab(QWidget):
         sizes = (self.zoom_out_button, self.zoom_in_button, self.fit_button)
         return row(None, self.open_button, self.save_button, None, *sizes, spacing=2)
 
-    def _show_draft(self, shown: Shown | None, reason: str = "") -> None:
+    def _show_draft(self, shown: EditableDraft | None, reason: str = "") -> None:
         if shown is None:
             self._key = None
         for widget in (self.grid, self.tools, self.palette_row, self.hint):
@@ -213,7 +213,7 @@ class DraftTab(QWidget):
         self.loom_kind.setCurrentIndex(int(lifted))
         self.rising.setChecked(loom.rising)
 
-    def _receive_edit(self, shown: Shown, name: str, continues: bool) -> None:
+    def _receive_edit(self, shown: EditableDraft, name: str, continues: bool) -> None:
         if not self._burst:
             self._burst = next(self._bursts)
             self.dragging.emit(True)
@@ -237,18 +237,18 @@ class DraftTab(QWidget):
         begin = time.perf_counter()
         if name in (EDIT_NAMES["warp"], EDIT_NAMES["weft"]):
             family = "warp" if name == EDIT_NAMES["warp"] else "weft"
-            self._set_values(as_colors(family, shown.strip(family)), name)
+            self._set_values(color_values(family, shown.yarn_colors(family)), name)
         elif name == EDIT_NAMES["drawdown"]:
-            self._set_values(as_pattern(shown), name)
+            self._set_values(pattern_values(shown), name)
         else:
             self._store_draft(shown, name)
         self._committed_at = time.perf_counter()
         self._commit_time = self._committed_at - begin
 
-    def _store_draft(self, shown: Shown, name: str) -> None:
+    def _store_draft(self, shown: EditableDraft, name: str) -> None:
         try:
             former = self._document.scene.draft_file
-            path = self._document.drafts.add(as_draft(shown), former)
+            path = self._document.drafts.add(to_draft(shown), former)
         except SpacemapError as error:
             self.failed.emit(error)
             return
@@ -308,7 +308,7 @@ class DraftTab(QWidget):
             same = (colors == np.array(rgb, dtype=np.uint8)).all(axis=1)
             if same.any():
                 colors[same] = new.red(), new.green(), new.blue()
-                changes |= as_colors(family, colors)
+                changes |= color_values(family, colors)
         self._set_values(changes, "colour")
 
     def _set_color(self, color: QColor) -> None:

@@ -141,7 +141,7 @@ class DraftGrid(QAbstractScrollArea):
             return f"{shaft}end {grid_cell.x}, threaded on {shafts}"
         if panel == "tieup":
             return f"shaft {grid_cell.y} · treadle {grid_cell.x}"
-        pressed = _join_numbers(shown.lifted[grid_cell.y - 1], "nothing")
+        pressed = _join_numbers(shown.treadling[grid_cell.y - 1], "nothing")
         verb = "lifts" if lifted else "presses"
         if panel in ("treadling", "weft"):
             column = ("shaft" if lifted else "treadle") + f" {grid_cell.x} · "
@@ -149,7 +149,7 @@ class DraftGrid(QAbstractScrollArea):
         end, pick = grid_cell.x, grid_cell.y
         side = "over" if shown.drawdown[pick - 1, end - 1] else "under"
         shafts = _join_numbers(loom.threading[end - 1], "–")
-        marks = _join_numbers(shown.lifted[pick - 1], "–")
+        marks = _join_numbers(shown.treadling[pick - 1], "–")
         return (
             f"end {end} {side} pick {pick} · shaft {shafts} · "
             f"{'lifts' if lifted else 'treadle'} {marks}"
@@ -186,14 +186,14 @@ class DraftGrid(QAbstractScrollArea):
         if grid_cell is None or self.shown is None:
             return
         if event.button() == Qt.MouseButton.RightButton and grid_cell.panel in ("warp", "weft"):
-            colors = self.shown.strip(grid_cell.panel)
+            colors = self.shown.yarn_colors(grid_cell.panel)
             self.color_picked.emit(QColor(*colors[(grid_cell.x or grid_cell.y) - 1].tolist()))
         if event.button() == Qt.MouseButton.LeftButton:
             self._start_stroke(grid_cell, event.modifiers())
 
     def _start_stroke(self, grid_cell: GridCell, keys: Qt.KeyboardModifier) -> None:
         assert self.shown is not None
-        if grid_cell.panel == "drawdown" and not self.shown.bare:
+        if grid_cell.panel == "drawdown" and not self.shown.is_pattern:
             self.refused.emit(
                 "The loom determines the drawdown: edit the threading, tie-up or "
                 f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
@@ -352,7 +352,7 @@ class DraftGrid(QAbstractScrollArea):
             bar.setSingleStep(4 * self.cell)
 
 
-def _grid_sizes(shown: Shown) -> tuple[object, ...]:
+def _grid_sizes(shown: EditableDraft) -> tuple[object, ...]:
     """Return the numbers of cells of all grids, for comparison."""
     return shown.size, shown.loom.shafts, shown.columns, shown.loom.liftplan is None
 

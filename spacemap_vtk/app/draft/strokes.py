@@ -10,7 +10,7 @@ import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.draft_layout import GridCell
-from spacemap_vtk.scenes.shown import Shown
+from spacemap_vtk.scenes.editable_draft import EditableDraft
 from spacemap_vtk.textile.drafts.loom import Loom
 
 #: Names of the edits in the undo menu.
@@ -30,7 +30,9 @@ class Stroke:
     # The first cell decides: if it has a mark, the stroke removes marks, otherwise it sets marks.
     # An end is on one shaft and a pick on one treadle, unless `several`.
 
-    def __init__(self, shown: Shown, grid_cell: GridCell, several: bool, color: QColor) -> None:
+    def __init__(
+        self, shown: EditableDraft, grid_cell: GridCell, several: bool, color: QColor
+    ) -> None:
         self.panel = grid_cell.panel
         self.name = EDIT_NAMES[grid_cell.panel]
         self._color = color.red(), color.green(), color.blue()
@@ -43,7 +45,7 @@ class Stroke:
         several = several or grid_cell.panel == "tieup" or shown.loom.liftplan is not None
         self._several = several
 
-    def apply(self, shown: Shown, grid_cell: GridCell) -> Shown:
+    def apply(self, shown: EditableDraft, grid_cell: GridCell) -> EditableDraft:
         """Return the draft with the stroke apply to a cell."""
         if self.panel in ("warp", "weft"):
             return self._paint(shown, grid_cell)
@@ -62,8 +64,8 @@ class Stroke:
             marks = shown.loom.toggle(row, number)
         return shown if marks == row else shown.with_loom(changed(marks))
 
-    def _paint(self, shown: Shown, grid_cell: GridCell) -> Shown:
-        colors = shown.strip(self.panel)
+    def _paint(self, shown: EditableDraft, grid_cell: GridCell) -> EditableDraft:
+        colors = shown.yarn_colors(self.panel)
         index = (grid_cell.x or grid_cell.y) - 1
         if tuple(colors[index].tolist()) == self._color:
             return shown
@@ -73,7 +75,7 @@ class Stroke:
 
 
 def _marks_of(
-    shown: Shown, grid_cell: GridCell
+    shown: EditableDraft, grid_cell: GridCell
 ) -> tuple[tuple[int, ...], int, Callable[[tuple[int, ...]], Loom]]:
     """Return the marks of an end, pick or treadle, the cell's number, and a setter of marks."""
     loom = shown.loom

@@ -41,7 +41,7 @@ class TextEditor(LineEditor):
 
     def show_value(self, value: Any) -> None:
         """Show the value with its unit."""
-        self.show_text("" if value is None else _strip_quotes(self.parameter.show(value)))
+        self.show_text("" if value is None else _strip_quotes(self.parameter.format(value)))
 
     def parse_text(self, text: str) -> Any:
         """Convert a text to a number, list or string; an empty one to None if it is optional."""

@@ -65,7 +65,11 @@ class LineEditor(Editor):
             value = float(f"{value:.4g}")
         elif isinstance(value, tuple) and all(isinstance(each, float) for each in value):
             value = self.parameter.convert([float(f"{each:.4g}") for each in value])
-        text = self.parameter.automatic if value is None else typeset_units(self.parameter.format(value))
+        text = (
+            self.parameter.automatic
+            if value is None
+            else typeset_units(self.parameter.format(value))
+        )
         self.line.setPlaceholderText(text)
 
     def show_text(self, text: str) -> None:

@@ -140,7 +140,7 @@ class NumberEditor(LineEditor):
                 self._place_slider()
 
     def _format(self, value: Any) -> str:
-        return f"{value:.6g}" if self._bare else pretty(self.parameter.show(value))
+        return f"{value:.6g}" if self._bare else typeset_units(self.parameter.format(value))
 
     def _place_slider(self) -> None:
         # Keep the span while the value is inside, so that the slider does not jump.
@@ -165,7 +165,7 @@ class NumberEditor(LineEditor):
         if not self._bare:  # use the shown unit; that of an automatic value is in the placeholder
             shown = (self.shown or self.line.placeholderText()).translate(_PLAIN)
             text = add_shown_unit(text, shown, self.parameter.unit)
-        return value_of(text.translate(_PLAIN))
+        return parse_value(text.translate(_PLAIN))
 
     def _begin_drag(self) -> None:
         self._burst = next_burst()
@@ -204,7 +204,7 @@ class VectorEditor(Editor):
             editor.restored.connect(self._emit_restored)
             editor.line.setMinimumWidth(34)
             editor.slider.setMinimumWidth(34)
-            head = f"{label}  [{pretty(parameter.unit)}]" if parameter.unit else label
+            head = f"{label}  [{typeset_units(parameter.unit)}]" if parameter.unit else label
             editor.set_half_width()
             name = QLabel(head if place == 0 else label, objectName="about")
             name.setBuddy(editor)

@@ -47,7 +47,7 @@ def automatic_values(part: Parameterised) -> dict[str, Any]:
 
 def idle_reason(part: Parameterised, name: str, results: Mapping[str, Any]) -> str:
     """Return why a parameter has no effect (empty if it has one), given the last run's results."""
-    reason, kind = part.idle(name), results.get("elements")
+    reason, kind = part.disabled_by(name), results.get("elements")
     if not reason and kind and isinstance(part, CageMaterial) and part.elements == "auto":
         reason = part.idle_as(name, kind == "sheet")
     return reason

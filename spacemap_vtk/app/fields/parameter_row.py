@@ -60,7 +60,7 @@ class ParameterRow(QWidget):
         self.editor = editor
         self.note = note(name="note")
         self.note.hide()
-        back = f"Reset to the default: {pretty(parameter.usually)}"
+        back = f"Reset to the default: {typeset_units(parameter.default_text)}"
         self.reset = tool_button("↺", back)
         policy = self.reset.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
@@ -83,8 +83,8 @@ class ParameterRow(QWidget):
             column(self, line, self.note, margins=(0, 0, 0, 2), spacing=1)
         if half_label:
             editor.set_half_width()
-        when = f" Has an effect only if {parameter.counts}." if parameter.counts else ""
-        self.setToolTip(pretty(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
+        when = f" Has an effect only if {parameter.condition}." if parameter.condition else ""
+        self.setToolTip(typeset_units(f"{parameter.help}{when}\n\nAllowed: {parameter.allowed}."))
         #: Whether the value can be reset; some values of a time function are required.
         self.resettable = True
         self.automatic_value: Any = None
@@ -134,14 +134,14 @@ class ParameterRow(QWidget):
 
     def show_feasible(self, interval: tuple[float, float] | None) -> None:
         """Show the feasible interval."""
-        text = pretty(format_interval(self.parameter, interval))
+        text = typeset_units(format_interval(self.parameter, interval))
         self.editor.setToolTip(f"{self.toolTip()}\n{text}" if text else "")
         if interval is not None:
             self.editor.set_feasible(*interval)
 
     def show_used(self, figure: str) -> None:
         """Show the value that the last run used; empty if unknown."""
-        text = f"in use: {pretty(figure)}" if figure else ""
+        text = f"in use: {typeset_units(figure)}" if figure else ""
         if text != self._used:
             self._used = text
             if not self.note.property("bad"):
@@ -175,7 +175,7 @@ class ParameterRow(QWidget):
             self.edited.emit(self.parameter.name, self._automatic_text, 0)
         elif self.automatic_value is not None:
             # Start with the automatic value, so that nothing changes at first.
-            text = self.parameter.show(self.automatic_value)
+            text = self.parameter.format(self.automatic_value)
             self.edited.emit(self.parameter.name, _as_written(self.automatic_value, text), 0)
         else:
             self.editor.setFocus()

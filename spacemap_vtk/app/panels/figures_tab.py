@@ -98,7 +98,7 @@ def _compute_figures(
             [t.colors for t in cloth.threads],
         )
         return _Result(key, figures, False, cuts, colors)
-    yield from report.clearance(scene, figures)
+    yield from report.add_clearance(scene, figures)
     return _Result(key, figures, True)
 
 
@@ -228,7 +228,7 @@ class FiguresTab(QWidget):
         cloth = [f for f in cloth_figures(result.figures) if f.key not in _LEFT_OUT]
         if not result.whole:
             self.sections.show_cuts(result.cuts, result.colors)
-            cloth = [f._replace(told="…") if f.key == "least_clearance" else f for f in cloth]
+            cloth = [f._replace(text="…") if f.key == "least_clearance" else f for f in cloth]
         self._show_rows([*yarn_figures(result.figures), *((f,) for f in cloth)])
         if not result.whole:
             self._engine.start_background(
@@ -244,7 +244,7 @@ class FiguresTab(QWidget):
             if len(figures) == 1:
                 self.table.setSpan(number, 1, 1, 2)
             tip = _tooltip(figures[0])
-            for place, text in enumerate([figures[0].label, *(f.told for f in figures)]):
+            for place, text in enumerate([figures[0].label, *(f.text for f in figures)]):
                 item = QTableWidgetItem(text)
                 item.setToolTip(tip if len(text) < 30 else f"{text}\n{tip}")
                 if place:

@@ -28,7 +28,7 @@ from spacemap_vtk.app.plots.curves import Spectrum
 from spacemap_vtk.app.widgets import RIGHT, column, note, row, table
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.frame_request import Swing
-from spacemap_vtk.datasets.modal_model import measures_in, rounding_of
+from spacemap_vtk.datasets.modal_model import rounding_of, solver_results
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.modal_solver import ModalSolver
@@ -158,7 +158,7 @@ class ModesTab(QWidget):
         except InputError:
             return  # contradictory parameters of damping; the run reports the error
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
-        figures = measures_in(cage)
+        figures = solver_results(cage)
         self.sheet.setText(_describe_cage(figures))
         self.sheet.setVisible(bool(figures))
         key = (values.tobytes(), damping)
@@ -176,10 +176,10 @@ class ModesTab(QWidget):
         self.response.frequencies = frequencies
         spectrum = self.response.spectrum
         swinging = [number for number, kind in enumerate(kinds) if kind == "underdamped"]
-        ratio_texts = dict(zip(swinging, aligned(ratios[swinging], 2), strict=True))
+        ratio_texts = dict(zip(swinging, align_decimals(ratios[swinging], 2), strict=True))
         columns = (
             range(1, len(values) + 1),
-            aligned(frequencies),
+            align_decimals(frequencies),
             [ratio_texts.get(number, kind) for number, kind in enumerate(kinds)],
             [""] * len(values),
         )
@@ -298,7 +298,7 @@ def _describe_cage(figures: dict[str, Any]) -> str:
     if "bending_length" not in figures:
         return f"The cage consists of {figures['elements']}." if figures else ""
     mass, length = (
-        pretty(ModalSolver.parameter(name).tell(figures[name]))
+        typeset_units(ModalSolver.parameter(name).format_figure(figures[name]))
         for name in ("areal_mass", "bending_length")
     )
     return f"The cage is a sheet: areal mass {mass}; bending length {length}."

@@ -231,7 +231,9 @@ class Properties(QScrollArea):
             row.show_feasible(feasible.get(name))
             # A choice that already shows this value needs no note.
             same = row.parameter.kind == "choice" and results.get(name) == getattr(part, name)
-            row.show_used(row.parameter.tell(results[name]) if name in results and not same else "")
+            row.show_used(
+                row.parameter.format_figure(results[name]) if name in results and not same else ""
+            )
         duration = time.thread_time() - begin
         self._next_limits = time.perf_counter() + max(_LIMIT_SECONDS, duration / _LIMIT_SHARE)
 

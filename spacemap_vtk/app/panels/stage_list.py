@@ -78,8 +78,8 @@ class StageList(QTreeWidget):
         self._eye_actions: dict[str, QAction] = {}
         self._eye_icons = {on: _eye_icon(on) for on in (False, True)}
         self._write_timer = single_shot(self, self.write_runs, 250)
-        for section, cls in sections().items():
-            item = QTreeWidgetItem([words_of(cls.__name__), "", ""])
+        for section, cls in section_classes().items():
+            item = QTreeWidgetItem([stage_title(cls.__name__), "", ""])
             item.setData(_NAME, _KEY, section)
             item.setToolTip(_NAME, (cls.__doc__ or "").strip().splitlines()[0])
             for column in (_TIME, _RUNS):
@@ -92,7 +92,7 @@ class StageList(QTreeWidget):
 
     def set_eye_actions(self, eyes: Mapping[str, QAction]) -> None:
         """Give the stages of certain roles an eye that triggers an action."""
-        roles = {section: getattr(cls, "role", "") for section, cls in sections().items()}
+        roles = {section: getattr(cls, "role", "") for section, cls in section_classes().items()}
         self._eye_actions = {section: eyes[role] for section, role in roles.items() if role in eyes}
         for action in eyes.values():
             action.toggled.connect(self._show_eyes)

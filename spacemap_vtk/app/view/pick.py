@@ -82,7 +82,7 @@ class Pick:
             value_text = _format_displacement(position - self.rest)
         elif value is not None:
             unit, size = scale_unit(frame.color, max(map(abs, span or (value,))))
-            value_text = f"{COLORINGS[frame.color].label} {value / size:.3g} {pretty(unit)}"
+            value_text = f"{COLORINGS[frame.color].label} {value / size:.3g} {typeset_units(unit)}"
         unit, size = scale_unit("displacement", float(np.abs(position).max()))
         coordinates = ", ".join(f"{c / size:.4g}" for c in position + 0.0)
         lines = self.name, value_text.strip(), f"({coordinates}) {unit}"

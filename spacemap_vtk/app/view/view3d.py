@@ -35,7 +35,7 @@ from spacemap_vtk.draw.camera import (
 )
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of, visible_cells
-from spacemap_vtk.scenes.chain import sections
+from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, SIDES, View
 
@@ -268,7 +268,7 @@ class View3D(QWidget):
         """Show the present frame with the settings of a scene's section ``[view]``."""
         if self._scene_settings is None:
             self._fit_sizes(
-                view.within(self._dark)
+                view.for_window(self._dark)
             )  # for the background, as there may never be a frame
         elif view.settings != self._scene_settings.settings:
             self._set_view_settings(view)

@@ -107,7 +107,7 @@ class ViewBar(QToolBar):
             for name, coloring in colorings.items():
                 self.colorings[name] = action(
                     group,
-                    coloring.words,
+                    coloring.title,
                     self._choose_setting,
                     data=("color", name),
                     checkable=True,

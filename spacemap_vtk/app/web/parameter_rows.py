@@ -86,7 +86,7 @@ class ParameterRows:
             return None
         if isinstance(parameter, Real | Series):
             text = add_shown_unit(text, self._shown[key], parameter.unit)
-        return value_of(text)
+        return parse_value(text)
 
     def value_at_step(self, key: str, step: int) -> Any:
         """Convert a step of a row's slider to a value for a scene file."""
@@ -126,12 +126,12 @@ class ParameterRows:
             self._parameters[key] = part, parameter
             value = getattr(part, name)
             in_use = values.get(name) if value is None else value
-            self._shown[key] = "" if in_use is None else parameter.show(in_use)
+            self._shown[key] = "" if in_use is None else parameter.format(in_use)
             interval = feasible.get(name)
             typed, bad = self._refused.get(key, (None, ""))
             note = f"no effect: {idle}" if idle else format_interval(parameter, interval)
             if name in results and not note and results[name] != value:
-                note = f"in use: {parameter.tell(results[name])}"
+                note = f"in use: {parameter.format_figure(results[name])}"
             row = {
                 "key": key,
                 "label": parameter.label,
@@ -181,4 +181,4 @@ def _text(parameter: Parameter[Any], value: Any) -> str:
 def _automatic_hint(parameter: Parameter[Any], value: Any) -> str:
     if not parameter.automatic:
         return ""
-    return parameter.automatic if value is None else f"auto: {parameter.tell(value)}"
+    return parameter.automatic if value is None else f"auto: {parameter.format_figure(value)}"

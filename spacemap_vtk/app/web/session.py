@@ -49,10 +49,10 @@ class Session:
         self._values = library.values_of(library.find(name), str(library.find(name).name))
         for assignment in assignments:
             scene.set(assignment)  # gives the error messages of the command line
-            section, key, text = parsed(assignment)
-            self._values = _with_value(self._values, section, key, value_of(text))
+            section, key, text = split_assignment(assignment)
+            self._values = _with_value(self._values, section, key, parse_value(text))
         self.base: Path | None = scene.file
-        self._origin_warnings = list(elsewhere(scene))
+        self._origin_warnings = list(describe_outside_files(scene))
         self.scene = Scene(self._values, self.base)
         self.state, self.screen, self.rows = state, Screen(), ParameterRows()
         self.pipeline = Pipeline(lambda *_: None, self._record_progress)
@@ -213,7 +213,7 @@ class Session:
             else:
                 self.state.failure = ""
                 self.rows.clear_refused()
-                self.rows.found = {"modal": measures_in(frame.cage)}
+                self.rows.found = {"modal": solver_results(frame.cage)}
                 self.state.warnings = [*self._origin_warnings, *frame.warnings]
                 self._send_picture()
             if request.coarse and not self.state.failure:
@@ -265,7 +265,7 @@ class Session:
         self._send_state(coarse)
 
     def _show_error(self, error: Exception) -> None:
-        text = one_line(error)
+        text = format_error(error)
         if isinstance(error, SpacemapError):
             error.file = None
             self.rows.mark_refused(error)

@@ -200,7 +200,7 @@ class Director(QObject):
             return
         scene = self._document.scene
         # Stages of motion have not run for a frame of a mode or pull.
-        skipped = scene.moving if frame.mode is not None else []
+        skipped = scene.motion_stages if frame.mode is not None else []
         for stage in scene.stages:
             if stage in skipped:
                 continue

@@ -103,7 +103,7 @@ class Pipeline:
         # A shown mode or pull replaces the motion, so the stages of motion need not run.
         solver, mover = scene.stage("solver"), scene.stage("mover")
         swing = request.swing if solver else None
-        skipped = scene.moving if swing else []
+        skipped = scene.motion_stages if swing else []
         # A shown mode never comes to rest, a pull does.
         coarse = request.coarse or isinstance(swing, Swing)
         sheet, piece = self._choose_sheet(scene), WHOLE
@@ -221,7 +221,7 @@ class Pipeline:
             light_yarns = None if reason else near.preview(request.time)
             if light_yarns is None or near.part is None:
                 return frame
-            light_yarns = copied(light_yarns)
+            light_yarns = shallow_copy(light_yarns)
             add_color_values(light_yarns, frame.color)
             surroundings = coarsen_sheet(full_sheet, sheet.cells, _MOVING_CELLS, near.part)
             return replace(frame, yarns=light_yarns, surroundings=surroundings)
@@ -239,7 +239,8 @@ class Pipeline:
         key = [near, frame.color, *(stage.executions for stage in near.stages)]
         if self._near_drawn is None or self._near_drawn[0] != key:
             surfaces = [
-                None if yarns is None else copied(yarns) for yarns in (near.yarns, light_yarns)
+                None if yarns is None else shallow_copy(yarns)
+                for yarns in (near.yarns, light_yarns)
             ]
             for yarns in surfaces:
                 if yarns is not None:
@@ -259,7 +260,7 @@ class Pipeline:
         tessellator = self._coarse_surface(scene, source, coarse=True)
         if tessellator is None:
             return frame
-        surface = copied(tessellator.update(frame.time).output)
+        surface = shallow_copy(tessellator.update(frame.time).output)
         add_color_values(surface, frame.color)
         return replace(frame, preview=replace(frame, surface=surface))
 
@@ -273,7 +274,7 @@ class Pipeline:
             # Only stages downstream of a changed value run.
             changed = {k: v for k, v in request.settings.items() if v != self._settings[k]}
             former_stages = scene.stages
-            scene.adopt(changed, request.values.keys())
+            scene.apply_settings(changed, request.values.keys())
             if scene.stages != former_stages:
                 self._first_stale = 0
             indices = [n for n, stage in enumerate(scene.stages) if stage.section in changed]

@@ -41,7 +41,7 @@ class CutFaceActor(SurfaceActor):
 
     def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
         bright = (BRIGHT**2,) * 3 if style.lamps else WHITE
-        flat = replace(style.of_numbers, sky=bright, earth=bright, facing=0.0)
+        flat = replace(style.for_numbers, sky=bright, earth=bright, facing=0.0)
         super()._apply_style(surface, flat, point)
 
     def fill(

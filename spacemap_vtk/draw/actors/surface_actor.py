@@ -14,7 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTextProperty, vtkTexture
 
-from spacemap_vtk.datasets.arrays import colors_in, to_array
+from spacemap_vtk.datasets.arrays import color_array_name, to_array
 from spacemap_vtk.draw.actors.color_values import COLOR_VALUES, round_ticks, scale_unit
 from spacemap_vtk.draw.actors.lighting import (
     lighting_code,
@@ -112,7 +112,7 @@ class SurfaceActor(vtkActor):
         self._set_texture(picture if shown is None and color == "own" else None)
         self.color_bar.SetVisibility(shown is not None)
         mapper.SetInputData(surface)
-        self._apply_style(surface, style if shown is None else style.of_numbers, point)
+        self._apply_style(surface, style if shown is None else style.for_numbers, point)
 
     def update_scale(self, color: str, span: Span) -> float:
         """Set unit, labels and title of the scale; return the size of its unit in SI units."""
@@ -214,7 +214,9 @@ def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
 
 def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
     """Return whether a surface's stored colours belong to points, and their array name, or None."""
-    of_cells, of_points = (color_array_name(d) for d in (surface.GetCellData(), surface.GetPointData()))
+    of_cells, of_points = (
+        color_array_name(d) for d in (surface.GetCellData(), surface.GetPointData())
+    )
     name = of_cells or of_points
     return None if name is None else (of_cells is None, name)
 

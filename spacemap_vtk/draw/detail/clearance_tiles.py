@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import copied, points_of, take_arrays, to_array, to_cells
+from spacemap_vtk.datasets.arrays import copy_rows, points_of, shallow_copy, to_array, to_cells
 from spacemap_vtk.draw.actors.color_values import COLOR_VALUES, compute_clearances
 from spacemap_vtk.draw.actors.glyphs import moved_points
 from spacemap_vtk.draw.detail.part_stages import PartStages
@@ -58,7 +58,7 @@ class ClothTile(NamedTuple):
     @property
     def trimmed_surface(self) -> vtkPolyData:
         """The surface of the tile without the yarns around it."""
-        made = copied(self.surface)
+        made = shallow_copy(self.surface)
         made.SetPolys(to_cells(self.inner_quads))
         kept = np.flatnonzero(np.repeat(self.inside, self.quads.shape[1]))
         made.GetCellData().Initialize()

@@ -88,7 +88,7 @@ class ClothSheet:
     def deform_at(self, time: float) -> vtkPolyData:
         """Return the deformed sheet at a time [s]."""
         scene = self._scene
-        scene.update_stage(scene.deforming if scene.moves else scene.source, time, self.one_yarn)
+        scene.update_stage(scene.cage_stage if scene.moves else scene.source, time, self.one_yarn)
         self._deform(scene.deformed_cage if scene.moves else None)
         return self.moved
 
@@ -132,7 +132,7 @@ class ClothSheet:
             return
         self._array, self.crossings, self.ends = name, None, None
         if crimp is not None and cage is not None:
-            with scene.naming_file():
+            with scene.add_file_to_errors():
                 shown = "crimp" if self._shows_clearance else name
                 self.crossings = crimp.crossing_values(shown, scene.source.output, cage)
             for text in crimp.warnings:

@@ -67,7 +67,7 @@ class YarnPieces:
             return
         # Yarns are cut to the part in sight.
         part = yarns_of_cells(sheet, runs[0], runs[1])
-        if self._level.form is Form.TILES:
+        if self._level.method is DrawingMethod.TILES:
             yield from self._visible_tiles(time, sheet, part, sight)
             return
         cloth = crop_cloth(self._cloth, part)
@@ -147,7 +147,7 @@ class NearYarns:
             wider = _widen(columns, sheet.cells[0]), _widen(rows, sheet.cells[1])
             for part in (wider, wanted):
                 patches = self._patch_count(part)
-                if choose_near(cloth, scale, patches, seen.size).form is Form.NEAR:
+                if choose_near(cloth, scale, patches, seen.size).method is DrawingMethod.NEAR:
                     break
             else:
                 return TOO_MANY

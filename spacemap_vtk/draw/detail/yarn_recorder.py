@@ -66,7 +66,9 @@ class YarnRecorder:
             found = self._curves.points
         if not self._points.size:
             size = 12 * self._times * len(found)
-            require_memory(size, f"{self._strands} at {self._times} times", cure="Take fewer of them.")
+            require_memory(
+                size, f"{self._strands} at {self._times} times", cure="Take fewer of them."
+            )
             self._points = np.zeros((self._times, *found.shape), np.float32)
         self._points[number] = found
 
@@ -110,7 +112,9 @@ class SurfaceRecorder(YarnRecorder):
         self._values: Singles | None = None
         if numbers and COLORINGS[scene.view.color].shows_numbers:
             # Single precision for the record, and double precision for its decomposition.
-            require_memory(28 * times * len(rows), f"numbers of {len(rows)} points at {times} times")
+            require_memory(
+                28 * times * len(rows), f"numbers of {len(rows)} points at {times} times"
+            )
             self._values = np.zeros((times, len(rows)), np.float32)
 
     def record(self, number: int) -> None:

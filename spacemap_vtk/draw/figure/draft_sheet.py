@@ -50,7 +50,7 @@ def draft_tile(shown: EditableDraft, caption: str) -> Tile:
     return Tile(draw, height, caption, across, across * LARGEST)
 
 
-def _draw(axes: Axes, paper: PageStyle, shown: Shown, cell: float, gap: float) -> None:
+def _draw(axes: Axes, paper: PageStyle, shown: EditableDraft, cell: float, gap: float) -> None:
     (ends, picks), loom = shown.size, shown.loom
     right, above = ends * cell + gap, picks * cell + gap
     grids = {

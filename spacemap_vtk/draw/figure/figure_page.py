@@ -88,7 +88,7 @@ class FigurePage(PageStyle):
             )
 
 
-def make_figure(scene: Scene, asked: FigurePage, tell: Tell = lambda *_: None) -> Figure:
+def make_figure(scene: Scene, asked: FigurePage, tell: StepProgress = lambda *_: None) -> Figure:
     """Return a scene's figure; with swept values, only pictures show more than the first one."""
     sweep = make_sweep(
         scene,

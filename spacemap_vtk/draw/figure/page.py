@@ -108,7 +108,7 @@ def new_figure(**settings: Any) -> Figure:
 
 
 def lay_out_page(
-    rows: Sequence[Sequence[Tile]], paper: PageStyle, tell: Tell = lambda done, of: None
+    rows: Sequence[Sequence[Tile]], paper: PageStyle, tell: StepProgress = lambda done, of: None
 ) -> Figure:
     """Return a figure with rows of tiles, as high as the tiles need."""
     placed, y = [], _EDGE

@@ -51,7 +51,9 @@ def period_times(scene: Scene) -> list[float]:
         mover = scene.stage("mover") or scene.cage_stage
         first, last = mover.time_range([]) or (0.0, 0.0)
         return np.linspace(first, last, _TIMES).tolist()
-    swinging = [m["frequency_hz"] for m in report.report_modes(scene)["modes"] if m["frequency_hz"] > 0.0]
+    swinging = [
+        m["frequency_hz"] for m in report.report_modes(scene)["modes"] if m["frequency_hz"] > 0.0
+    ]
     period = 1 / swinging[0] if swinging else scene.animation.stop
     return [float(f"{time:.3g}") for time in np.linspace(0.0, period, _TIMES).tolist()]
 
@@ -86,7 +88,7 @@ def motions_board(
     tell(0, 2 * len(motions))
     extents = []
     for count, name in enumerate(motions, 1):
-        take_motion(scene, name, given)
+        set_motion(scene, name, given)
         extents.append(motion_extent(scene, times))
         tell(count, 2 * len(motions))
     show = "both" if scene.view.show == "side by side" else scene.view.show

@@ -95,7 +95,7 @@ def _weights(screen: Floats, a: int, b: int, c: int, x: float, y: float) -> Any:
     return pa * total, pb * total, pc * total
 
 
-@compiled
+@compile_function
 def _interpolate(table: Any, a: int, b: int, c: int, w: Any) -> Any:
     """Return three numbers interpolated between a triangle's corners."""
     return (
@@ -122,19 +122,19 @@ def _cross(a: Any, b: Any) -> Any:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@compile_function
 def _subtract(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@compiled
+@compile_function
 def _view_direction(place: Any, parallel: bool) -> Any:
     if parallel:
         return 0.0, 0.0, 1.0
     return _unit((-place[0], -place[1], -place[2]))
 
 
-@compiled
+@compile_function
 def _smoothstep(low: float, high: float, x: float) -> float:
     """Compute GLSL's smoothstep."""
     t = min(max((x - low) / (high - low), 0.0), 1.0)
@@ -147,7 +147,7 @@ def _tone(strand: float) -> float:
     return mixed - math.floor(mixed)
 
 
-@compiled
+@compile_function
 def reflected_light(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
     """Return the light that a surface reflects: red, green, blue for its colour, and white."""
     wrap, gloss, power, sheen, facing = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
@@ -169,7 +169,7 @@ def reflected_light(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
     return red, green, blue, white
 
 
-@compiled
+@compile_function
 def visible_color(
     triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, out: Any
 ) -> None:
@@ -183,7 +183,7 @@ def visible_color(
         out[k] = shown + (triples[11, k] - shown) * line
 
 
-@compiled
+@compile_function
 def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any) -> Any:
     """Return the normal tilted by fibres and plies, and their brightness."""
     # `across` and `down` are place and strands of the points to the right of the pixel and above.
@@ -222,7 +222,7 @@ def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any
     return _unit(bent), light
 
 
-@compiled
+@compile_function
 def _tilt(normal: Any, much: float, dx: float, dy: float, right: Any, up: Any) -> Any:
     """Return a normal tilted in the direction in which a phase with the given slopes grows."""
     x, y = dx * right[0] + dy * up[0], dx * right[1] + dy * up[1]

@@ -123,7 +123,7 @@ def parse_liftplan(text: str, title: str = "") -> Draft:
         )
     check_size(most, len(picks))
     loom = Loom(tuple((shaft,) for shaft in range(1, most + 1)), liftplan=tuple(picks))
-    remark = Remark(
+    remark = InfoMessage(
         f"a liftplan has no threading: a straight draw over its {most} shafts is assumed"
     )
     return Draft(loom.drawdown(), loom, title=title, warnings=(remark,))

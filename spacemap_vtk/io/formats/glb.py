@@ -74,7 +74,7 @@ def write_glb(file: Path, moving: MovingSurface) -> None:
         mesh["weights"] = [0.0] * len(moving.targets)
         mesh["extras"] = {"targetNames": list(moving.target_names)}
     node = {"name": moving.title or "surface", "mesh": 0} | (
-        {"rotation": _Z_UP} if moving.lying else {}
+        {"rotation": _Z_UP} if moving.is_z_up else {}
     )
     if short is not None:
         node["scale"] = [unit] * 3

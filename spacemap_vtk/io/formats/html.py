@@ -46,7 +46,7 @@ def write_html(file: Path, moving: MovingSurface) -> None:
     """Write a page with a surface, its shapes and the weight of each shape over time."""
     from spacemap_vtk.memory import require_memory
 
-    require(
+    require_memory(
         (_POINT + _TARGET_POINT * len(moving.targets)) * len(moving.points),
         "a page of {1} points in {0} shapes".format(*moving.targets.shape),
         cure=SMALLER_FILE_CURE,
@@ -55,7 +55,7 @@ def write_html(file: Path, moving: MovingSurface) -> None:
     generator = f"spacemap_vtk {record.get('version', '')}".rstrip()
     title = moving.title or file.stem
     content, arrays = _page_content(moving)
-    described = {"title": title, "generator": generator, **moving.about}
+    described = {"title": title, "generator": generator, **moving.metadata}
     described |= {NAME: record} if record else {}
     words = {
         "generator": html.escape(generator),

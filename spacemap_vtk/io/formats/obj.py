@@ -186,7 +186,7 @@ def _obj_lines(surface: MovingSurface, library: str) -> Iterator[str]:
             yield "\n".join("f " + " ".join(corner.format(at) for at in row) for row in rows)
 
 
-def _material_name(shade: Shade) -> str:
+def _material_name(shade: SurfaceMaterial) -> str:
     return shade.name.replace(" ", "_").replace("#", "")  # a "#" begins a comment
 
 

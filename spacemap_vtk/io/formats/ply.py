@@ -171,7 +171,7 @@ def write_painted_ply(file: Path, surface: MovingSurface) -> None:
         form, *columns = names[kind[0]].split()
         properties += [f"property {form} {name}" for name in columns]
     faces = surface.triangles.astype("<i4")
-    words = surface.about.get("colors")
+    words = surface.metadata.get("colors")
     head = _header(
         len(vertices), properties, len(faces), "u1", f"colours: {words}" if words else ""
     )

@@ -42,14 +42,14 @@ def write_usd(file: Path, moving: MovingSurface) -> None:
     from spacemap_vtk.memory import require_memory
     from spacemap_vtk.temporary_files import temporary_folder
 
-    require(
+    require_memory(
         (_POINT + _TARGET_POINT * len(moving.targets)) * len(moving.points),
         "a layer of {1} points in {0} shapes".format(*moving.targets.shape),
         cure=SMALLER_FILE_CURE,
     )
     layer = Sdf.Layer.CreateAnonymous(file.suffix)
     _fill_stage(Usd.Stage.Open(layer), moving)
-    with vanishing_folder() as folder:
+    with temporary_folder() as folder:
         made = folder / f"made{file.suffix}"
         try:
             done = layer.Export(str(made))
@@ -104,7 +104,7 @@ def _fill_stage(stage: Any, moving: MovingSurface) -> None:
         shown = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
             "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
         )
-        shown.Set(_vector_array(linear(moving.colors)))
+        shown.Set(_vector_array(to_linear_light(moving.colors)))
     for number, material in enumerate(moving.materials):
         place = f"/Cloth/Looks/Material_{number}"
         prim = UsdShade.Material.Define(stage, place)
@@ -188,7 +188,9 @@ def _add_curves(stage: Any, curves: YarnCurves, codes: Any) -> None:
     widths = np.ascontiguousarray(curves.widths, np.float32)
     made.CreateWidthsAttr(Vt.FloatArray.FromNumpy(widths))
     made.SetWidthsInterpolation(UsdGeom.Tokens.uniform)
-    made.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(_vector_array(linear(curves.colors)))
+    made.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform).Set(
+        _vector_array(to_linear_light(curves.colors))
+    )
     points, extent = made.CreatePointsAttr(), made.CreateExtentAttr()
     half = widths.max() / 2
     for number, places in enumerate(curves.points):

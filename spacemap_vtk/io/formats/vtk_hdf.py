@@ -110,7 +110,7 @@ def _write_steps(
     root = made.create_group("VTKHDF")
     for time, data in steps:
         if not times:
-            require(
+            require_memory(
                 _largest_table_bytes(data), f"to write {data.GetNumberOfCells()} cells as .vtkhdf"
             )
         times.append(time)

@@ -147,9 +147,9 @@ finds_record(".pvtp", ".pvtu")(find_record_in_comments)
 
 
 def _write_xml(file: Path, writer: Any, data: vtkDataSet) -> None:
-    from spacemap_vtk.memory import require
+    from spacemap_vtk.memory import require_memory
 
-    require(
+    require_memory(
         2 * _estimate_text_bytes(data),  # VTK's copy and Python's
         f"to write {data.GetNumberOfCells()} cells as {file.suffix.lower()}",
         cure="Lower surface.subdivisions, or use fewer ends and picks.",

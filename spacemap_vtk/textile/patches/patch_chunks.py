@@ -11,8 +11,8 @@ on the following, each measured:
   the last operation writes into the interleaved result.
 - Products are computed in blocks of columns that are narrow enough for OpenBLAS to compute each in
   the calling thread (see `spacemap_vtk.parallel.BLAS_SERIAL`).
-- Results begin at multiples of 64 bytes (`spacemap_vtk.memory.allocate_aligned`). Otherwise each stored
-  vector crosses a cache line, and a product of two arrays takes twice as long.
+- Results begin at multiples of 64 bytes (`spacemap_vtk.memory.allocate_aligned`). Otherwise each
+  stored vector crosses a cache line, and a product of two arrays takes twice as long.
 """
 
 from __future__ import annotations

@@ -135,7 +135,8 @@ def check_height(
         margin = 5e-6 * d if high - low > 1e-4 * d else 0.0
         shown_low = format_length(low + margin) if low > 0.0 else "0 mm"
         raise GeometryError(
-            f"the cloth is jammed: no room for the {side} to bend at a height of {format_length(height)}",
+            f"the cloth is jammed: no room for the {side} to bend at a height of "
+            f"{format_length(height)}",
             key=crimp_height,
             value=height,
             allowed=f"{shown_low} to {metres(high - margin if high < d else high)}",

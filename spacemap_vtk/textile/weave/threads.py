@@ -235,8 +235,9 @@ class Threads:
                 names(quantity, family) for quantity in ("diameter", "spacing", "aspect")
             )
             raise GeometryError(
-                f"neighbouring {FAMILIES[family]} yarns{which} overlap: they are {format_length(thick)} "
-                f"{'wide' if flat else 'thick'} and {format_length(apart)} apart",
+                f"neighbouring {FAMILIES[family]} yarns{which} overlap: they are "
+                f"{format_length(thick)} {'wide' if flat else 'thick'} and "
+                f"{format_length(apart)} apart",
                 key=diameter,
                 value=thick / self.aspect,
                 allowed=f"up to {format_length(apart / self.aspect)} ({spacing}"
