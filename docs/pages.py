@@ -58,7 +58,7 @@ def parameters() -> Iterator[str]:
         yield f"## [{section}]\n\n{(owner.__doc__ or '').strip().splitlines()[0]}\n"
         yield "| key | default | meaning | allowed |\n|---|---|---|---|"
         for key, parameter in owner.parameters.items():
-            counts = f" Used only if {parameter.counts}." if parameter.counts else ""
+            counts = f" Used only if {parameter.condition}." if parameter.condition else ""
             default, _, stands_for = format_default(parameter).partition("  # ")
             shown = f"`{default}`" + (f" ({_cell(stands_for)})" if stands_for else "")
             meaning = _cell(parameter.help + counts)

@@ -310,8 +310,8 @@ class Parameter(Generic[T]):
         str
             One paragraph.
         """
-        when = f" Used only if {self.counts}." if self.counts else ""
-        return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.usually}."
+        when = f" Used only if {self.condition}." if self.condition else ""
+        return f"{self.help}{when} Allowed: {self.allowed}. Default: {self.default_text}."
 
     @property
     def default_text(self) -> str:
@@ -528,8 +528,8 @@ def _insert_parameters(doc: str, parameters: dict[str, Parameter[Any]]) -> str:
             f"{name} : {parameter.annotation}, default: {parameter.format(parameter.default)}"
         )
         lines.append(f"    {parameter.help}")
-        if parameter.counts:
-            lines.append(f"    Used only if {parameter.counts}.")
+        if parameter.condition:
+            lines.append(f"    Used only if {parameter.condition}.")
         lines.append(f"    Allowed: {parameter.allowed}.")
     first = re.search(r"^\w[\w ]*\n-{3,}$", doc, flags=re.MULTILINE)
     at = first.start() if first else len(doc)

@@ -14,6 +14,7 @@ from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.scenes.assignments import parse_value_list
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import make_record, scene_values
 from spacemap_vtk.textile.weave.yarn import parse_yarn_count
 
 INCH = 0.0254

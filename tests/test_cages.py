@@ -21,7 +21,7 @@ from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.cage.split import repair_tetrahedra
 from spacemap_vtk.datasets.arrays import add_array, tetrahedra_of
 from spacemap_vtk.datasets.extent import filled_share
-from spacemap_vtk.datasets.outline import envelope, outline
+from spacemap_vtk.datasets.outline import extract_outline, make_envelope
 from spacemap_vtk.embedding.enclose import enclose_points, enclosed_share
 from spacemap_vtk.embedding.lattice_locate import recognise_lattice
 from spacemap_vtk.embedding.locate import locate
@@ -312,7 +312,7 @@ def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
     crossed = one.merge(one.rotate_x(60).rotate_z(20))
     shape = extract_outline(crossed, polygons_of(crossed))
     low, high = shape[0].min(axis=0), shape[0].max(axis=0)
-    points, triangles = envelope(low, high, partial(find_touched_cells, *shape), 0.1)
+    points, triangles = make_envelope(low, high, partial(find_touched_cells, *shape), 0.1)
     skin = pv.PolyData.from_regular_faces(points, triangles)
     assert skin.is_manifold
     away = pv.PolyData(shape[0]).compute_implicit_distance(skin)["implicit_distance"]

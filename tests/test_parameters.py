@@ -267,10 +267,10 @@ def test_a_parameter_says_when_it_counts() -> None:
         slow = Flag(True, "Slow.")
         speed = Real(None, "Speed.", automatic="slow", when={"slow": (False,), "turn": (None,)})
 
-    assert Thing.edge.counts == 'kind is "box"'
-    assert Thing.turn.counts == 'kind is not "file"'
-    assert Thing.about.counts == "turn is given"
-    assert Thing.speed.counts == "slow is false and turn is auto"
+    assert Thing.edge.condition == 'kind is "box"'
+    assert Thing.turn.condition == 'kind is not "file"'
+    assert Thing.about.condition == "turn is given"
+    assert Thing.speed.condition == "slow is false and turn is auto"
     assert 'Used only if kind is "box".' in (Thing.__doc__ or "")
     assert 'Used only if kind is "box".' in (Thing.edge.__doc__ or "")
     thing = Thing()

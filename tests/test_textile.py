@@ -18,7 +18,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.cloth_data import add_cloth, set_patches
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.base import Provided, Stage
+from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.textile import FabricFigure, Textile, Woven
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.jobs.sweep import execute_run

@@ -514,7 +514,7 @@ class MainWindow(QMainWindow):
         for widget in (self.progress_bar, self.cancel_button, self.running_label):
             widget.setVisible(bool(section))
         if section:
-            stage = words_of(sections()[section].__name__)
+            stage = stage_title(section_classes()[section].__name__)
             self.running_label.setText(f"{stage}: {step}" if step else stage)
             # A stage that reports no progress gets a busy indicator.
             self.progress_bar.setRange(0, 100 if share > 0.0 else 0)

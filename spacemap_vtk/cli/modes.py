@@ -90,8 +90,8 @@ def modes(
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
     print_plain(table)
-    more = (*sheet_figures(figures), *hung_figures(figures["hung"]))
-    print_labelled((figure.label, figure.told) for figure in more)
+    more = (*sheet_figures(figures), *equilibrium_figures(figures["hung"]))
+    print_labelled((figure.label, figure.text) for figure in more)
     print_warnings(chosen, quiet)
 
 

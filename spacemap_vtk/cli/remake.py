@@ -78,7 +78,7 @@ def remake(
     target = output or file.with_name(f"{file.stem}-again{file.suffix}")
     if output is None and not check and not force and (existing := _existing_output(target)):
         raise InputError(f"{existing} exists", cure="Choose another --output, or use --force.")
-    scene, inputs = scene_of(record, places(file, folder))
+    scene, inputs = restore_scene(record, input_folders(file, folder))
     if not quiet:
         for line in (*describe_record(record, file), *(f"reads {path}" for path in inputs)):
             print(escape_unprintable(line, "\n"))
@@ -89,7 +89,7 @@ def remake(
         )
     for assignment in set_:
         scene.set(assignment)
-    with vanishing_folder() as scratch:
+    with temporary_folder() as scratch:
         made = scratch / file.name if check else target
         with progress(scene, "Repeating", quiet) as report_progress:
             job_from_json(record.order, made).run(scene, report_progress)

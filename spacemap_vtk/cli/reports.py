@@ -350,7 +350,7 @@ def keys(
         print(f"[{name}]  {summary}\n")
         for key, parameter in known[name].parameters.items():
             print(f"{key} = {format_default(parameter)}")
-            when = f" Used only if {parameter.counts}." if parameter.counts else ""
+            when = f" Used only if {parameter.condition}." if parameter.condition else ""
             print(textwrap.indent(textwrap.fill(parameter.help + when, 76), "    "))
             print(textwrap.indent(textwrap.fill(f"Allowed: {parameter.allowed}.", 76), "    "))
         print()

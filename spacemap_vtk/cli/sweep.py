@@ -116,7 +116,7 @@ def sweep(
     from spacemap_vtk.jobs.sweep import SHEET, TABLE, execute_sweep
     from spacemap_vtk.scenes.sweep import read_sweep
 
-    asked = sweep_of(scene, set_, paired=paired, times=times, fixed=fixed)
+    asked = read_sweep(scene, set_, paired=paired, times=times, fixed=fixed)
     with progress(None, "Running", quiet) as report_progress:
         found = execute_sweep(
             asked, output, report_progress, workers=workers, cluster=cluster or "", again=again

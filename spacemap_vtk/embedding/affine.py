@@ -91,7 +91,9 @@ class AffineInterpolation(EmbeddedPoints):
             self._feet = locate(points[self._clamped], vertices, tetrahedra, "clamp").weights
         many = len(points) > WORTHWHILE
         self._threads = threads or (None if many else 1)  # for few points, threads cost more
-        self._loops: ModuleType | None = loops("spacemap_vtk.embedding.interpolation_loops", many)
+        self._loops: ModuleType | None = load_loops(
+            "spacemap_vtk.embedding.interpolation_loops", many
+        )
         width = _BLOCK if self._loops is None else _COMPILED_BLOCK
         self._blocks = blocks(len(points), width)
 

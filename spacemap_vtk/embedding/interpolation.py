@@ -177,7 +177,7 @@ class Interpolation(EmbeddedPoints):
         self._threads = threads
         self._blocks = blocks(count, _BLOCK)
         self._writes: list[_Writer] = []
-        ride = loops("spacemap_vtk.embedding.interpolation_loops", count > WORTHWHILE)
+        ride = load_loops("spacemap_vtk.embedding.interpolation_loops", count > MANY_POINTS)
         for rows in self._blocks:
             weights, tetrahedron = location.weights[rows], location.tetrahedron[rows]
             if corners.shape[1] == 10 and weights.shape[1] == 4:

@@ -18,7 +18,7 @@ from spacemap_vtk.simd import map_point, stream_line
 _BUFFER = 128
 
 
-@compiled
+@compile_function
 def apply_weights(
     weights: Floats,
     tetrahedron: NDArray[np.int32],
@@ -36,7 +36,7 @@ def apply_weights(
             out[point, column] = total
 
 
-@compiled
+@compile_function
 def apply_maps(
     maps: Floats, tetrahedron: NDArray[np.int32], points: NDArray[Any], out: NDArray[Any]
 ) -> None:

@@ -242,8 +242,8 @@ class CrimpInterchange(YarnParameters, Stage):
         assert cloth is not None
         share = (
             ALL_YARNS
-            if self.piece.of == 1
-            else select_piece(cloth, self.piece.number, self.piece.of)
+            if self.piece.total == 1
+            else select_piece(cloth, self.piece.number, self.piece.total)
         )
         recrimp = CrimpGeometry(cloth, share)
         points = points_of(weave)

@@ -90,7 +90,7 @@ class PatchTessellator(Stage):
     _strands: bool = False
     _detail: Detail | None = None
     _kept: _PreparedPatches | None = None
-    _skin: Skin | None = None
+    _skin: SurfaceExtractor | None = None
 
     @property
     def tessellation(self) -> Tessellation | None:

@@ -28,10 +28,10 @@ from spacemap_vtk.cage.tetwild import EPSILON, fill_surface, load_or_make
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_cells, to_points
 from spacemap_vtk.datasets.cloth_data import cloth_of, copy_cloth, set_patches
 from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
-from spacemap_vtk.datasets.outline import Outline, edge_faults, envelope, outline
-from spacemap_vtk.datasets.volume import tetrahedral
+from spacemap_vtk.datasets.outline import Outline, count_edge_faults, extract_outline, make_envelope
+from spacemap_vtk.datasets.volume import split_into_tetrahedra
 from spacemap_vtk.embedding.enclose import enclose_points, enclosed_share
-from spacemap_vtk.errors import GeometryError, InputError, naming
+from spacemap_vtk.errors import GeometryError, InputError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merge_blocks, read_blocks
@@ -220,9 +220,9 @@ class TetraCage(Stage):
         if cloth is not None:
             kept = _find_cells_of_yarns(cloth, points_of(data).dtype, whole, *cells)
         elif data.GetNumberOfPoints():  # a process may have no points
-            kept = find_touched_cells(*outline(data, polygons_of(data)), *cells)
+            kept = find_touched_cells(*extract_outline(data, polygons_of(data)), *cells)
         if self._processes is not None:
-            kept = self._processes.largest(kept.ravel()).reshape(kept.shape) > 0.0
+            kept = self._processes.maximum(kept.ravel()).reshape(kept.shape) > 0.0
         kept = grow_cells(kept, self.margin, self.fill)
         sizes, loose = count_pieces(kept)
         if len(sizes) > 1:
@@ -396,6 +396,6 @@ def _find_cells_of_yarns(
                 share = YarnSelection(nothing, chosen) if number else YarnSelection(chosen, nothing)
                 patches = vtkUnstructuredGrid()
                 set_patches(patches, build_weave(cloth, share, kind))
-                shape = outline(patches, polygons_of(patches))
+                shape = extract_outline(patches, polygons_of(patches))
                 kept |= find_touched_cells(*shape, origin, spacing, divisions)
     return kept

@@ -235,8 +235,8 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             if not isinstance(text, InfoMessage):
                 self.warn(text)
         share = (
-            select_piece(cloth, self.piece.number, self.piece.of)
-            if self.piece.of > 1
+            select_piece(cloth, self.piece.number, self.piece.total)
+            if self.piece.total > 1
             else ALL_YARNS
         )
         made = weave.build_weave(cloth, share, np.float32 if self.single else np.float64)
@@ -255,7 +255,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         add_number(output.GetFieldData(), "radial_error", made.radial_error)
         if self._whole is None or (self._whole[0] is not cloth and self._part is None):
             # Figures of all yarns, the same for each piece.
-            bounds = cloth_bounds(cloth) if self.piece.of > 1 else None
+            bounds = cloth_bounds(cloth) if self.piece.total > 1 else None
             self._whole = cloth, fabric_figures(cloth)["areal_mass"], bounds
         _, mass, bounds = self._whole
         # A cage that is a sheet can weigh as much as the weave.
@@ -263,8 +263,8 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         add_cloth(output, cloth)
         made.places[:, 3] = numbers[made.places[:, 3].astype(np.int64)]
         add_array(output.GetFieldData(), PLACES, made.places)
-        if self.piece.of > 1:
-            tell_bounds(output, cloth_bounds(cloth) if bounds is None else bounds)
+        if self.piece.total > 1:
+            store_bounds(output, cloth_bounds(cloth) if bounds is None else bounds)
 
     def lend(self, other: Woven, part: YarnSelection | None = None) -> None:
         """Let another source of the same class and settings make all or part of this cloth."""

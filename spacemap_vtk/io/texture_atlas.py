@@ -88,7 +88,9 @@ def read_picture(path: Path) -> Pixels:
 
 def _check_size(width: int, height: int) -> None:
     # Four bytes a pixel, twice: for the decoder and for the result.
-    require(8 * width * height, f"a picture of {width} x {height} pixels", cure="Reduce its size.")
+    require_memory(
+        8 * width * height, f"a picture of {width} x {height} pixels", cure="Reduce its size."
+    )
 
 
 def _read_with_vtk(path: Path) -> Pixels:

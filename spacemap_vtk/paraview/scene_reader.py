@@ -51,7 +51,7 @@ class SceneReader(Stage):
         changed = self.file.stat().st_mtime_ns if self.file.is_file() else 0
         if self._cached is None or self._cached[:2] != (self.file, changed):
             self._cached = self.file, changed, (scene := Scene.read(self.file))
-            for text in elsewhere(scene):
+            for text in describe_outside_files(scene):
                 scene.warn(text)
         return self._cached[2]
 

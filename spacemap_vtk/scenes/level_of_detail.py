@@ -15,7 +15,7 @@ import numpy as np
 
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.patch_tessellator import AUTOMATIC_SIDES, MOST_SIDES, sides_for_pixels
-from spacemap_vtk.memory import fits
+from spacemap_vtk.memory import fits_in_memory
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.flat_picture import flat_cloth, pixels_per_metre
 from spacemap_vtk.scenes.memory_estimates import (
@@ -221,7 +221,7 @@ def choose_level(
     if request is None:
         return LevelOfDetail(choose_method(cloth, window=window))
     counts = cloth.ends, cloth.picks
-    scale = face_scale(scene, scene.woven.cloth, request.size)
+    scale = pixels_per_metre(scene, scene.woven.cloth, request.size)
     sides = cloth.subdivisions or sides_for_pixels(scale * cloth.height)
     size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if flat_cloth(scene) else None

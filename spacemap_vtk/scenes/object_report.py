@@ -12,7 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkFieldData, vtkPointSet, vtkUnstruct
 from spacemap_vtk.cage.split import count_parts, tetrahedron_volumes
 from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.extent import filled_share
-from spacemap_vtk.datasets.outline import edge_faults, outline
+from spacemap_vtk.datasets.outline import count_edge_faults, extract_outline
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.ndarrays import Floats

@@ -297,7 +297,7 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     elif room and time is not None:
         scene.update_stage(scene.warp, time)
         moved = points_of(scene.patches)
-        figures["deformed_clearance"] = _clearance(
+        figures["deformed_clearance"] = _report_clearance(
             measure_clearance(build_weave(woven.cloth), moved)
         )
     figures["warnings"] = scene.warnings
@@ -347,9 +347,9 @@ def add_clearance(scene: Scene, figures: dict[str, Any]) -> Generator[None, None
     assert scene.woven is not None
     woven = scene.woven.cloth
     if woven.axis == "arcs":
-        figures["least_clearance"] = _clearance(find_contact(woven))
+        figures["least_clearance"] = _report_clearance(find_contact(woven))
     elif woven.drawdown.size <= MOST_CROSSINGS:
-        figures["least_clearance"] = _clearance((yield from measure_in_steps(woven)))
+        figures["least_clearance"] = _report_clearance((yield from measure_in_steps(woven)))
 
 
 def _report_yarns(threads: Threads, density: float | None) -> dict[str, Any]:

@@ -281,7 +281,7 @@ class View3D(QWidget):
         self.refresh()
 
     def _set_view_settings(self, view: View | None) -> None:
-        self._scene_settings, self._view = view, (view or View()).within(self._dark)
+        self._scene_settings, self._view = view, (view or View()).for_window(self._dark)
         self._fit_sizes(self._view)
 
     def refresh(self, render: bool = True) -> None:

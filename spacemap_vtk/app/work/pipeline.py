@@ -317,14 +317,14 @@ class Pipeline:
         mover = scene.stage("mover")
         now = (mover and mover.motion), scene.stage("rotation")
         if not coarse and now != self._analysed:
-            self._analysed, self._motion_values = now, report.last_motion(scene)
+            self._analysed, self._motion_values = now, report.report_last_motion(scene)
         return self._motion_values
 
     def _require_memory(self, surface: vtkPolyData) -> None:
         """Raise an error if a surface needs too much memory in addition to the one drawn last."""
         size = DRAWN_POINT * surface.GetNumberOfPoints()
         if size > self._drawn_bytes:
-            require(
+            require_memory(
                 size - self._drawn_bytes,
                 f"to draw {surface.GetNumberOfCells()} polygons",
                 cure="Lower surface.subdivisions, or use fewer ends and picks.",

@@ -25,7 +25,8 @@ from spacemap_vtk.ndarrays import Floats, StepProgress
 from spacemap_vtk.scenes.editable_draft import make_editable_draft
 from spacemap_vtk.scenes.flat_picture import cloth_lengths
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.shown import shown_of
+from spacemap_vtk.scenes.scene_record import scene_values
+from spacemap_vtk.scenes.sweep import Run, Sweep, make_sweep
 from spacemap_vtk.textile.geometry.cross_section import cut_cloth
 from spacemap_vtk.units import format_quantity
 

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
-from spacemap_vtk.units import metres
+from spacemap_vtk.units import format_length
 
 #: Rounding tolerance of the square of the straight length, over D**2. A square within it is set to
 #: 0, which moves the yarn by about this tolerance times D.
