@@ -143,7 +143,7 @@ def gallery(folder: Path) -> Iterator[str]:
     yield "# Gallery\n"
     yield "The pictures are drawn by `python -m spacemap_vtk.draw.thumbnails`. A test compares each"
     yield "scene with a number from another source (`tests/test_scenes.py`).\n"
-    for kind, names in library.kinds().items():
+    for kind, names in library.names_by_kind().items():
         yield f"## {kind[:1].upper()}{kind[1:]}\n"
         for name in names:
             shutil.copy(thumbnails.file_of(name), folder / f"{name}.jpg")

@@ -331,7 +331,7 @@ class Parameterised:
     synonyms: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     #: The values of automatic parameters in the last run, by name.
-    automatic_values: Mapping[str, Any] = MappingProxyType({})
+    values_in_use: Mapping[str, Any] = MappingProxyType({})
 
     #: The values that differ from the defaults, by name.
     _values: dict[str, Any]

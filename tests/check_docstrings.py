@@ -40,7 +40,9 @@ USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm
 USERS |= {"filters.base", "filters.load", "filters.textile"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
 #: Modules and names of optional parts, which are imported by name.
-PARTS = {group: [tuple(value.split(":")) for value in own.values()] for group, own in OWN.items()}
+PARTS = {
+    group: [tuple(value.split(":")) for value in own.values()] for group, own in BUILT_IN.items()
+}
 #: Modules whose docstrings are the help of commands.
 COMMANDS = {"spacemap_vtk.cli", *(module for module, _ in PARTS["commands"])}
 

@@ -188,7 +188,7 @@ def _set(data: bytes, folder: Path) -> None:
     from spacemap_vtk.scenes.scene import Scene
 
     text = os.fsdecode(data)  # as the command line has it
-    swept(text, _empty_scene().parts)
+    parse_value_list(text, _empty_scene().parts)
     if len(data) % 16 == 0:  # what connects the stages anew takes ten times as long
         Scene({}).set(text)
 

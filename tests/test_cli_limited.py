@@ -14,7 +14,7 @@ _LIMITED = """
 import resource, sys, os, signal, time
 resource.setrlimit(resource.RLIMIT_AS, (2**30, resource.getrlimit(resource.RLIMIT_AS)[1]))
 from spacemap_vtk.cli.main import survive_memory_limit
-from spacemap_vtk.memory import available
+from spacemap_vtk.memory import available_bytes
 survive_memory_limit()
 """
 _ARRAY = (
@@ -38,7 +38,7 @@ def test_an_abort_of_vtk_is_reported_as_lack_of_memory() -> None:
 
 
 def test_other_exit_codes_are_passed_on() -> None:
-    process = limited("print(available() <= 2**30); sys.exit(2)")
+    process = limited("print(available_bytes() <= 2**30); sys.exit(2)")
     assert process.communicate() == ("True\n", "")
     assert process.returncode == 2
 

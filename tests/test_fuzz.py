@@ -57,7 +57,7 @@ def test_a_sample_of_runs_finds_no_fault(tmp_path: Path, names: tuple[str, ...],
 
 def test_every_seed_is_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A seed that is refused would hide the faults of all its variants."""
-    monkeypatch.setenv(EXPENDABLE, "1")  # seeds are valid files
+    monkeypatch.setenv(WORKER_VARIABLE, "1")  # seeds are valid files
     for number, target in enumerate(each for each in fuzz.targets().values() if each.tried):
         folder = tmp_path / str(number)
         folder.mkdir()

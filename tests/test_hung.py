@@ -286,4 +286,4 @@ def test_given_gravity_may_equal_the_default() -> None:
     curtain.response.gravity = None
     rest = curtain.at(0.2)
     np.testing.assert_array_equal(rest["displacement"], rest["equilibrium"])
-    assert curtain.response.automatic_values["gravity"] == (0.0, -GRAVITY, 0.0)
+    assert curtain.response.values_in_use["gravity"] == (0.0, -GRAVITY, 0.0)

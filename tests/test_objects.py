@@ -440,10 +440,10 @@ def test_what_nobody_says_suits_an_object_of_any_size(tmp_path: Path, scale: flo
             }
         )
         scene.update(time=0.0)
-        assert scene.object.automatic_values == {"up": up}
-        assert sorted(scene.cage.automatic_values["divisions"]) == [4, 6, 8]
-        assert scene.modal.automatic_values["fixed"] == (f"-{up}",)
-        down = scene.response.automatic_values["gravity"]["xyz".index(up)]
+        assert scene.object.values_in_use == {"up": up}
+        assert sorted(scene.cage.values_in_use["divisions"]) == [4, 6, 8]
+        assert scene.modal.values_in_use["fixed"] == (f"-{up}",)
+        down = scene.response.values_in_use["gravity"]["xyz".index(up)]
         assert down == -9.80665
         assert camera_of(scene) == ("lying" if up == "z" else "three-quarter")
         frequency = scene.modal.output.GetFieldData().GetArray("frequencies").GetValue(0)

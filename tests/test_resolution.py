@@ -91,6 +91,6 @@ def test_unresolved_modes_are_reported(modes, warned):
     scene.set("modal.tensile_rigidity=1 kN/m")
     scene.set("modal.bending_rigidity=0.001 uN.m")
     scene.set(f"modal.modes={modes}")
-    report.modes(scene)
+    report.report_modes(scene)
     told = [text for text in scene.warnings if "not resolved by the cage's cells" in text]
     assert [text.split(" are")[0] for text in told] == ["modes 7 to 20"] * warned

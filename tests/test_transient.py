@@ -373,7 +373,7 @@ def test_states_that_do_not_fit_into_memory_are_refused(monkeypatch: pytest.Monk
     motion = pendulum(30, tolerance=np.inf, max_step=0.004)
     monkeypatch.setattr(memory, "NEVER_REFUSED", 0)
     # Enough for 75 steps, not for twice the 64 that there is room for at first.
-    monkeypatch.setattr(memory, "available", lambda: motion.states[0].nbytes * 100)
+    monkeypatch.setattr(memory, "available_bytes", lambda: motion.states[0].nbytes * 100)
     with pytest.raises(SizeError, match=r"keeping more than 64 steps of 30 degrees.*coarser cage"):
         motion.step_until(0.3)
     reached = motion.last_time

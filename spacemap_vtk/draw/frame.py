@@ -107,7 +107,7 @@ def frame_of(
         camera=camera_of(scene),
         in_use={
             "view": {"camera": camera_of(scene)},
-            **{stage.section: stage.automatic_values for stage in scene.stages},
+            **{stage.section: stage.values_in_use for stage in scene.stages},
         },
         arrows=arrows_of(scene, time) if loads else None,
         cloth=cloth,

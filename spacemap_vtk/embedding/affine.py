@@ -89,7 +89,7 @@ class AffineInterpolation(EmbeddedPoints):
         self._feet = np.empty((0, 4))
         if len(self._clamped):
             self._feet = locate(points[self._clamped], vertices, tetrahedra, "clamp").weights
-        many = len(points) > WORTHWHILE
+        many = len(points) > MANY_POINTS
         self._threads = threads or (None if many else 1)  # for few points, threads cost more
         self._loops: ModuleType | None = load_loops(
             "spacemap_vtk.embedding.interpolation_loops", many

@@ -321,8 +321,8 @@ class _Embedding:
         self, normals: NDArray[Any], displacement: NDArray[Any]
     ) -> NDArray[np.float32]:
         each: AnyInts = np.arange(len(normals))
-        if isinstance(self._slopes, QuadraticGradients):
-            gradients = self._slopes.compute(displacement)
+        if isinstance(self._gradients, QuadraticGradients):
+            gradients = self._gradients.compute(displacement)
         else:
             gradients = self._gradients.gradients(displacement)
             if isinstance(self._gradients, AffineInterpolation):

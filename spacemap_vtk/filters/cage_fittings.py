@@ -132,7 +132,7 @@ class CageFittings(Parameterised):
         if fixed is None:
             axis = up_axis(grid)
             fixed = type(self).fixed.default if axis is None else (default_support(vertices, axis),)
-            self.automatic_values = {**self.automatic_values, "fixed": fixed}
+            self.values_in_use = {**self.values_in_use, "fixed": fixed}
         held, fittings = make_fittings(
             vertices, elements, fixed, self.rigid, self.springs, self.masses, mask
         )

@@ -371,7 +371,7 @@ class CageMaterial(Parameterised):
                     f"the value has no effect: {why}",
                     key=key,
                     value=value,
-                    cure=f"It has an effect where {self.parameter(key).counts}.",
+                    cure=f"It has an effect where {self.parameter(key).condition}.",
                 )
         for key, other in (("bending_length", "bending_rigidity"), ("areal_mass", "density")):
             if key in given and other in given:
@@ -399,7 +399,7 @@ class CageMaterial(Parameterised):
                         allowed=self.parameter(key).allowed,
                     )
             return fabric_to_xyz(orthotropic(*(own[key] for key in _MODULI))), density
-        modulus = self.automatic_values.get("youngs_modulus", type(self).youngs_modulus.default)
+        modulus = self.values_in_use.get("youngs_modulus", type(self).youngs_modulus.default)
         if self.youngs_modulus is not None:
             modulus = self.youngs_modulus
         return isotropic(modulus, self.poissons_ratio), density
@@ -407,7 +407,7 @@ class CageMaterial(Parameterised):
     def choose_modulus(self, vertices: Floats, elements: Ints, up: int | None) -> None:
         """Set an automatic Young's modulus that suits an object of unknown size."""
         if self.youngs_modulus is not None or up is None:
-            self.automatic_values = {}
+            self.values_in_use = {}
             return
         # An object that stands or hangs deforms by ρ g H² / (2 E). The end of a level plate of
         # length L and thickness t sinks by 1.5 ρ g L⁴ / (E t²). The filled share of the box allows
@@ -420,4 +420,4 @@ class CageMaterial(Parameterised):
         filled = float(np.abs(np.linalg.det(edges)).sum() / 6.0 / extent.prod())
         density = DENSITY if self.density is None else self.density
         found = _STIFFNESS_RATIO * density * GRAVITY * length / filled
-        self.in_use = {"youngs_modulus": float(f"{found:.2g}")}
+        self.values_in_use = {"youngs_modulus": float(f"{found:.2g}")}

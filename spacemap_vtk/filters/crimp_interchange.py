@@ -258,8 +258,8 @@ class CrimpInterchange(YarnParameters, Stage):
         vertices = points_of(cage).astype(np.float64)
         self._kept = _PreparedYarns(
             settings=settings,
-            weave=Geometry(weave),
-            cage=Geometry(cage),
+            weave=GeometrySnapshot(weave),
+            cage=GeometrySnapshot(cage),
             geometry=recrimp,
             slopes=PlaneSlopes(recrimp.feet, vertices, elements_of(cage)),
             foot=to_array(feet.astype(precision, copy=False), FOOT),
@@ -368,8 +368,8 @@ class _PreparedYarns:
     """Results that depend only on the weave and the cage at rest."""
 
     settings: tuple[Any, ...]
-    weave: Geometry
-    cage: Geometry
+    weave: GeometrySnapshot
+    cage: GeometrySnapshot
     geometry: CrimpGeometry
     slopes: PlaneSlopes
     foot: vtkDataArray

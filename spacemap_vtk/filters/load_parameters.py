@@ -256,13 +256,13 @@ class LoadParameters(Parameterised):
             else:
                 gravity = DOWN if up is None else tuple((-GRAVITY * np.eye(3)[up] + 0.0).tolist())
             in_use["gravity"] = gravity
-        self.automatic_values = in_use
+        self.values_in_use = in_use
         return np.array(gravity)
 
     def load_vectors(self, grid: vtkUnstructuredGrid, modes: CageModes) -> list[LoadVector]:
         """Return the loads in addition to those of the equilibrium."""
         # The equilibrium of a hanging cage already contains its gravity and its dead loads.
-        more = self.gravity_for(grid) - gravity_in(grid)
+        more = self.gravity_for(grid) - gravity_of(grid)
         vectors = [modes.load_vector("gravity", more, step())] if more.any() else []
         return vectors + load_vectors(modes, grid, self.loads, "loads")
 

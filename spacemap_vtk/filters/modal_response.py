@@ -120,7 +120,7 @@ class ModalResponse(LoadParameters, Stage):
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
         gradients = modes.gradient.evaluate(moved)
-        angle = 0.0 if self.turned else largest_rotation(gradients)
+        angle = 0.0 if self.rotation_removed else largest_rotation(gradients)
         if angle > TRUSTED_ROTATION:
             self.warn(
                 f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "

@@ -369,7 +369,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             processes = self._processes
             self._last_equilibrium = (
                 digest,
-                solve() if processes is None else processes.from_first(solve),
+                solve() if processes is None else processes.make_in_first(solve),
             )
         found, critical = self._last_equilibrium[1]
         if not math.isnan(critical[0]):
@@ -417,13 +417,13 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             or len(self._last_modes[1][0]) != count
         )
         processes = self._processes
-        if processes is not None and processes.largest([missing])[0]:
-            values, shapes, rounding = processes.from_first(solve)
+        if processes is not None and processes.maximum([missing])[0]:
+            values, shapes, rounding = processes.make_in_first(solve)
             self._last_modes = digest, (values, shapes, rounding)
         elif missing:
             self._last_modes = digest, solve()
         assert self._last_modes is not None
-        self.report(1.0, "modes")
+        self.report_progress(1.0, "modes")
         return self._last_modes[1]
 
     def _mode_arrays(self, shapes: Floats, density: float) -> list[vtkDataArray]:

@@ -113,7 +113,7 @@ class MotionReader(Stage):
     def _open_series(self) -> MeshSeries:
         if self.file is None:
             raise InputError("no file is given", key="file", allowed=describe_motion_files())
-        state = self.file, written(self.file)
+        state = self.file, modification_time(self.file)
         if self._opened is None or self._opened[0] != state:
             self._first = None
             with add_key_to_errors("file"):

@@ -157,7 +157,7 @@ class ObjectSource(Stage):
     def _place(self, data: vtkPointSet, output: vtkPointSet) -> None:
         self._move(data, output)
         axis = guess_up_axis(points_of(output)) if self.up is None else "xyz".index(self.up)
-        self.automatic_values = {"up": "xyz"[axis]}
+        self.values_in_use = {"up": "xyz"[axis]}
         add_array(output.GetFieldData(), UP, np.eye(3)[axis])
 
     def _move(self, data: vtkPointSet, output: vtkPointSet) -> None:

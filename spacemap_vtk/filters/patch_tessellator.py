@@ -145,7 +145,7 @@ class PatchTessellator(Stage):
             return
         prepared = self._prepare(grid)
         if any(group.tessellation.is_worth_compiling for group in prepared.groups):
-            self.report(0.0, "compiling")
+            self.report_progress(0.0, "compiling")
             for group in prepared.groups:
                 group.tessellation.compile()
         given = grid.GetPointData()

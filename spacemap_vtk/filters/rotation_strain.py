@@ -191,8 +191,8 @@ class RotationStrain(Stage):
             )
         else:
             points = points_of(grid).astype(np.float64)
-            with naming("fixed"):
-                held = held_components(points, self.fixed or (), masks_of(grid))
+            with add_key_to_errors("fixed"):
+                held = held_components(points, self.fixed or (), mask_reader(grid))
             kernel = RotationCoordinates.from_mesh(points, elements_of(grid), held)
         self._kept = key, kernel
         return kernel

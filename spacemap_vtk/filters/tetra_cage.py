@@ -152,7 +152,7 @@ class TetraCage(Stage):
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
-        self.automatic_values, self._filled_share = {}, 1.0
+        self.values_in_use, self._filled_share = {}, 1.0
         if self.method == "file":
             self._read_file(output)
         else:
@@ -167,7 +167,7 @@ class TetraCage(Stage):
             add_array(output.GetFieldData(), FILLED, np.array([self._filled_share]))
 
     def _make_around(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
-        if data.GetNumberOfPoints() == 0 and self.piece.of == 1:
+        if data.GetNumberOfPoints() == 0 and self.piece.total == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")
         # Asking the stages above for the whole object would also give the whole to their other
         # consumers. A cloth, however, is known from any of its pieces.
@@ -197,7 +197,7 @@ class TetraCage(Stage):
         bounds = np.array(pad_bounds(whole, self.padding)).reshape(3, 2)
         chosen = self.divisions or _cubic_divisions(bounds)
         if self.divisions is None:
-            self.automatic_values = {"divisions": chosen}
+            self.values_in_use = {"divisions": chosen}
         divisions = np.array(chosen)
         carved = self.method == "carved"
         if carved:  # add whole hexahedra for the margin
@@ -250,12 +250,12 @@ class TetraCage(Stage):
             raise GeometryError("the object is a single point")
         if cloth is not None:
             touch = partial(_find_cells_of_yarns, cloth, points_of(data).dtype, whole)
-            return self._fill(envelope(low, high, touch, self.inflate), diagonal)
-        points, triangles = outline(data, polygons_of(data))
+            return self._fill(make_envelope(low, high, touch, self.inflate), diagonal)
+        points, triangles = extract_outline(data, polygons_of(data))
         touch = partial(find_touched_cells, points, triangles)
         tolerance = EPSILON * diagonal
         if self.inflate > 0.0:
-            made = self._fill(envelope(low, high, touch, self.inflate), diagonal)
+            made = self._fill(make_envelope(low, high, touch, self.inflate), diagonal)
             return enclose_points(points, *made, _FURTHEST * tolerance), made[1]
         triangles = triangles[triangles[:, 1] != triangles[:, 2]]
         if not len(triangles):
@@ -277,7 +277,7 @@ class TetraCage(Stage):
         sizes, loose = count_parts(tetrahedra)
         if len(sizes) > loose:
             # A part that can rotate about an edge or a vertex is not held: solvers would fail.
-            join = partial(self._join_parts, partial(envelope, low, high, touch), diagonal)
+            join = partial(self._join_parts, partial(make_envelope, low, high, touch), diagonal)
             length = self.edge_length or diagonal / 10
             mesh = load_or_make(join, points, triangles, length, _ENVELOPES, EPSILON)
             vertices, tetrahedra = mesh["vertices"], mesh["tetrahedra"]

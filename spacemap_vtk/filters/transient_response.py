@@ -136,7 +136,7 @@ class TransientResponse(LoadParameters, Stage):
         assert self._last_motion is not None
         digest, motion = self._last_motion
         try:
-            motion.step_until(max(time, 0.0), lambda share: self.report(share, "stepping"))
+            motion.step_until(max(time, 0.0), lambda share: self.report_progress(share, "stepping"))
         finally:
             self._store_states(digest, motion)
         displacement, velocity, acceleration = motion.at_time(time)

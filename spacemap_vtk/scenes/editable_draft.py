@@ -98,7 +98,7 @@ def make_editable_draft(woven: Woven) -> EditableDraft:
         )
     # Rows and pictures contain no loom.
     reader = None if file is None else registry.reader(file, "draft")
-    return Shown(
+    return EditableDraft(
         source.find_loom(cloth.drawdown),
         cloth.drawdown,
         cloth.warp.colors,

@@ -208,9 +208,11 @@ def textile_figures(textile: Textile) -> list[Figure]:
             Figure("linear_density", "yarn count", _format_figure(mean, "kg/m"), mean, "kg/m")
         )
     if (extent := textile.extent) is not None:
-        found.append(Figure("extent", "extent", " x ".join(_cell(x, "m") for x in extent.tolist())))
+        found.append(
+            Figure("extent", "extent", " x ".join(_format_figure(x, "m") for x in extent.tolist()))
+        )
     for key, label, value, unit in textile.figures:
-        found.append(Figure(key, label, _cell(value, unit), value, unit))
+        found.append(Figure(key, label, _format_figure(value, unit), value, unit))
     return found
 
 

@@ -43,7 +43,7 @@ def _make_deck(title: str, solver: Any, mover: Any) -> InputDeck:
     forces, left_out = np.zeros(modes.model.points.size), []
     gravity = np.zeros(3)
     if isinstance(mover, LoadParameters):
-        gravity = mover.gravity_for(solver.output) - gravity_in(solver.output)
+        gravity = mover.gravity_for(solver.output) - gravity_of(solver.output)
         vectors = mover.load_vectors(solver.output, modes)
         for number, load in enumerate(mover.loads):
             vector = vectors[len(vectors) - len(mover.loads) + number]

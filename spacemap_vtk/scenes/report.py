@@ -260,7 +260,7 @@ def _shadow_areas(
     triangles = surface.quads[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     across = np.eye(3)[surface.normal]
     cast, area = shadow_area(draped, triangles, down), shadow_area(flat, triangles, across)
-    held = parse_places(" ".join(solver.fixed or solver.automatic_values.get("fixed", ())))
+    held = parse_places(" ".join(solver.fixed or solver.values_in_use.get("fixed", ())))
     if len(held) == 1 and held[0].shape == "sphere" and abs(across @ down) > COSINE_OF_LEVEL:
         *centre, radius = held[0].numbers
         height = float((flat.mean(axis=0) - centre) @ across)

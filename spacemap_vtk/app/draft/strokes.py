@@ -87,7 +87,7 @@ def _marks_of(
         )
     if grid_cell.panel == "treadling":
         return (
-            shown.lifted[grid_cell.y - 1],
+            shown.treadling[grid_cell.y - 1],
             grid_cell.x,
             partial(loom.replace_treadling, grid_cell.y),
         )

@@ -75,7 +75,7 @@ class WarningList:
             (line, text), last = cases[0], cases[-1][0]
             more = f" (and {len(cases) - 1} more, the last in line {last})" if cases[1:] else ""
             message = f"line {line}: {text}{more}"
-            texts.append(message if kind in self._doubtful else Remark(message))
+            texts.append(message if kind in self._doubtful else InfoMessage(message))
         return tuple(texts)
 
 

@@ -147,7 +147,7 @@ def write_obj(file: Path, surface: MovingSurface) -> None:
     library, lines = file.with_suffix(".mtl"), []
     for shade in surface.materials:
         color = surface.colors[shade.points][0] / 255.0
-        shares = [1.0, 1.0, 1.0] if surface.painted else color.tolist()
+        shares = [1.0, 1.0, 1.0] if surface.has_point_colors else color.tolist()
         lines += [
             f"newmtl {_material_name(shade)}",
             "Kd " + " ".join(f"{x:.6g}" for x in shares),

@@ -82,7 +82,7 @@ def read_with_pyvista(path: Path) -> Any:
         check_in_child(path, f"{__name__}:read_with_pyvista")
         # meshio prints messages, and ends the program if it cannot read a file
         with (
-            quiet_vtk(path),
+            raise_vtk_errors(path),
             redirect_stdout(printed),
             redirect_stderr(printed),
             _quiet_logging(),

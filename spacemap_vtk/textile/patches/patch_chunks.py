@@ -113,12 +113,12 @@ class Scratch:
         most = max(chunk.patch_count for chunk in chunks)
         # Enough for float64; the system allocates no pages for what float32 leaves unused.
         self._places = np.empty(size * most, np.intp)
-        self._gathered = aligned(3 * size * most)
-        self._net = aligned(3 * (size + 1) * most)
-        self._components = aligned(3 * size * most)
-        self._values = aligned(3 * rows * most)
-        self._normal = [aligned(rows // 3 * most) for _ in range(3)]
-        self._length, self._product = (aligned(rows // 3 * most) for _ in range(2))
+        self._gathered = allocate_aligned(3 * size * most)
+        self._net = allocate_aligned(3 * (size + 1) * most)
+        self._components = allocate_aligned(3 * size * most)
+        self._values = allocate_aligned(3 * rows * most)
+        self._normal = [allocate_aligned(rows // 3 * most) for _ in range(3)]
+        self._length, self._product = (allocate_aligned(rows // 3 * most) for _ in range(2))
 
     def net(self, chunk: Chunk, rows: NDArray[Any], kind: DTypeLike) -> AnyFloats:
         """Gather the rows of each patch relative to its first one, which is appended."""

@@ -107,7 +107,7 @@ class Tessellation:
         many = self.point_count > MANY_POINTS
         self._threads = threads or (None if many else 1)
         self._least_points = int(patches.max()) + 1 if patches.size else 0
-        self._recycler = Recycler(keep=3)  # positions, normals and an interpolated array
+        self._recycler = ArrayPool(keep=3)  # positions, normals and an interpolated array
         self._idle_scratch: list[Scratch] = []
         self._basis = _stacked_basis(p, q, subdivisions)
         #: Evaluator with compiled loops, once they are in use.
@@ -334,7 +334,9 @@ class Tessellation:
 
     def _load_loops(self, many: bool) -> None:
         self._loops = (
-            loops("spacemap_vtk.textile.patches.patch_loops", many) if self.can_compile else None
+            load_loops("spacemap_vtk.textile.patches.patch_loops", many)
+            if self.can_compile
+            else None
         )
         if self._loops is not None:
             self.bicubic, self.can_compile = Bicubic(self._loops, self.subdivisions), False

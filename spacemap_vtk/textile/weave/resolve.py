@@ -161,7 +161,7 @@ def _find_layers(
         )
     if found is None:
         return None, ()
-    remark = Remark(f"{_DOUBLE_WEAVE}; {one_layer_cure(names)}")
+    remark = InfoMessage(f"{_DOUBLE_WEAVE}; {one_layer_cure(names)}")
     return found.crop(slice(size[0]), slice(size[1])), () if known else (remark,)
 
 
