@@ -123,9 +123,9 @@ OWN_WRITERS = {
         "_flush_to_disk": {"os.open"},
         "_replace": {"os.replace"},
     },
-    "vanishing.py": {"taken": {"os.open"}},
+    "temporary_files.py": {"try_lock": {"os.open"}},
     # the null device
-    "datasets/quiet.py": {"quiet_stderr": {"os.open"}},
+    "datasets/vtk_messages.py": {"silence_stderr": {"os.open"}},
     # a cache entry with checksums, through a hidden folder
     "cache.py": {"store": {"np.savez", "os.replace"}},
     # kept frames of a film, with checksums

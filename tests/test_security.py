@@ -115,7 +115,7 @@ def _scene(home: Path, text: str) -> Scene:
 def test_a_file_outside_the_scenes_folder_is_reported(home, name, far, capsys):
     above = home.parent.as_posix()
     scene = _scene(home, f'[weave]\ndraft = "{name.replace("ABOVE", above)}"\n')
-    reported = list(elsewhere(scene))
+    reported = list(describe_outside_files(scene))
     assert len(reported) == far
     if far:
         assert str(home.parent / "other/far.wif") in reported[0]
@@ -159,7 +159,7 @@ def test_referenced_files_are_found(home, file, text):
         os.utime(path, ns=(0, len(word)))  # as if time had gone by
         assert [other for _, other in file_references(path)][-1] == home / word
     scene = _scene(home, f'[object]\nfile = "{file}"\n')
-    (reported,) = elsewhere(scene)
+    (reported,) = describe_outside_files(scene)
     assert reported.startswith(f"{path} names {home.parent / 'other/far.dat'}")
     path.write_text(text.format("//host/share/x"))
     reader = registry.reader(path, "motion") or registry.reader(path, "mesh")
@@ -175,7 +175,7 @@ def test_references_are_followed_recursively(home):
     (home / "a.vtm").write_text(_XML.format('<DataSet file="a.vtm"/><DataSet file="/x.vtp"/>'))
     for file, far in (("a.obj", home.parent / "other/a.png"), ("a.pvd", Path("/x.vtp"))):
         scene = _scene(home, f'[object]\nfile = "{file}"\n')
-        (reported,) = elsewhere(scene)
+        (reported,) = describe_outside_files(scene)
         assert str(far) in reported
 
 
