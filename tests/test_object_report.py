@@ -52,7 +52,7 @@ def test_a_painted_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     Image.new("RGB", (30, 20)).save(tmp_path / "a.png")
     words = [str(tmp_path / "plane.vtp"), "--set", f"object.texture={tmp_path / 'a.png'}"]
     assert json.loads(info(capsys, *words, "--json"))["picture"] == [30, 20]
-    assert "a picture of 30 x 20 pixels" in info(capsys, *words)
+    assert "30 x 20 pixels" in info(capsys, *words)
 
 
 def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
