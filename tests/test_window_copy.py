@@ -134,7 +134,7 @@ def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene
     for yarns in window.document.scene.woven.cloth.threads:
         tint = (share * yarns.colors[0] + (1 - share) * paper).round().astype(int)
         assert "#{:02x}{:02x}{:02x}".format(*tint) in colors
-    found, shown = report.fabric(Scene.read("twill_2_2")), rows()
+    found, shown = report.report_fabric(Scene.read("twill_2_2")), rows()
     assert float(shown["areal mass [g/m2]"][0]) == pytest.approx(1e3 * found["areal_mass"], 1e-5)
     crimp = [100 * found[family]["crimp"] for family in ("warp", "weft")]
     assert [float(c) for c in shown["crimp c [%]"]] == pytest.approx(crimp, 1e-5)

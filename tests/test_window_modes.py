@@ -123,7 +123,7 @@ def test_unresolved_modes_are_marked(open_scene: Any) -> None:
     scene = Scene.read("plain_weave")
     for name, value in sheet.items():
         scene.set(f"modal.{name}={value}")
-    report.modes(scene)
+    report.report_modes(scene)
     (warning_text,) = (
         text for text in scene.warnings if "not resolved by the cage's cells" in text
     )

@@ -61,7 +61,7 @@ def notes_of(window: Any) -> dict[str, str]:
 def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.stages.select("modal")
-    found, shown_notes = report.modes(Scene.read(strip))["sheet"], notes_of(window)
+    found, shown_notes = report.report_modes(Scene.read(strip))["sheet"], notes_of(window)
     assert shown_notes["elements"] == "in use: sheet"  # "auto" has decided
     assert shown_notes["bending_rigidity"] == (
         "in use: warp 12 µN·m (0.1224 gf.cm²/cm), weft 8 µN·m (0.08158 gf.cm²/cm)"

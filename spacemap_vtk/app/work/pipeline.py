@@ -132,7 +132,7 @@ class Pipeline:
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
             self._coarse_tessellator.set_detail(AUTOMATIC_SIDES, fibres)
-            numbers = None if coarse or swing is not None else DrawnCloth.of(scene)
+            numbers = None if coarse or swing is not None else DrawnCloth.from_scene(scene)
             follows = numbers is not None and numbers.follows_camera
             detail = self._choose_detail(numbers, source, request) if numbers and follows else None
             scene.surface.set_detail(AUTOMATIC_SIDES, fibres, detail)
