@@ -177,7 +177,7 @@ class TetraCage(Stage):
         if self.piece.total > 1 and cloth is None and (wild or (apart and self.method == "carved")):
             raise InputError(
                 f"a cage of this method needs the whole object, but this process has only piece "
-                f"{self.piece.number} of {self.piece.of}",
+                f"{self.piece.number} of {self.piece.total}",
                 key="method",
                 value=self.method,
                 cure='Write the cage of the whole object to a file, and use method = "file".',

@@ -135,7 +135,9 @@ def build_strand_curves(
         each = max(1, round(fibres / of_ply))
         strands = of_ply * each
         size = 12 * strands * (len(axis[0]) + 2)
-        require(2 * size, f"the {strands} strands of a yarn", cure="Reduce the number of fibres.")
+        require_memory(
+            2 * size, f"the {strands} strands of a yarn", cure="Reduce the number of fibres."
+        )
         if fibres:
             found = _fibre_curves(axis, turns[number], of_ply, each, diameter[number], number)
             radius = 0.5 * diameter[number] * sqrt(_DENSE / strands)

@@ -125,7 +125,7 @@ def check_height(
             f"{format_length(low)}, the warp at most {format_length(high)}",
             key=diameter,
             allowed=f"{diameter} + {names('diameter', 1)} up to "
-            f"{metres(largest_diameter_sum(p1, p2))} at these spacings, not {metres(d)}",
+            f"{format_length(largest_diameter_sum(p1, p2))} at these spacings, not {format_length(d)}",
             cure="Use thinner yarns or a larger spacing",
         )
     inside = -JAM * d <= height <= (1.0 + JAM) * d
@@ -139,8 +139,8 @@ def check_height(
             f"{format_length(height)}",
             key=crimp_height,
             value=height,
-            allowed=f"{shown_low} to {metres(high - margin if high < d else high)}",
-            cure=f"Leave it out to use the middle, {metres(middle)}; thinner yarns or wider "
+            allowed=f"{shown_low} to {format_length(high - margin if high < d else high)}",
+            cure=f"Leave it out to use the middle, {format_length(middle)}; thinner yarns or wider "
             "spacings allow more",
         )
 
