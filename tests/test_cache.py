@@ -342,7 +342,7 @@ def test_static_displacements_are_kept(place, monkeypatch):
     forces = np.random.default_rng(0).standard_normal((len(model.free), 2))
     first, rounding = static_displacements(model, forces)
     np.testing.assert_allclose(
-        first, model.solve(forces), rtol=1e-12, atol=1e-12 * abs(first).max()
+        first, model.statics(forces)[0], rtol=1e-12, atol=1e-12 * abs(first).max()
     )
     assert 0 < rounding.min() <= rounding.max() < 1e-9
     monkeypatch.setattr(Model, "statics", None)

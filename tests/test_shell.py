@@ -465,7 +465,7 @@ def test_square_plate_sags_under_pressure_as_in_closed_form(hard, expected):
     model = Model(points, cells, homogeneous_plate(STUFF, thickness), RHO, held)
     forces = np.zeros(points.shape)
     forces[:, 2] = load * model.nodal_mass / RHO / thickness
-    moved = model.solve(forces.ravel()).reshape(-1, 3)
+    moved = model.statics(forces.ravel())[0].reshape(-1, 3)
     rigidity = E * thickness**3 / 12 / (1 - NU**2)
     assert moved[:, 2].max() * rigidity / load / side**4 == pytest.approx(expected, rel=0.003)
     # both ends of a pair sink alike
@@ -488,7 +488,7 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     share = np.bincount(np.flatnonzero(end), [0.5, 1, 0.5] * 2, len(points))
     pushed = np.zeros(points.shape)
     pushed[:, 2] = force * share / share.sum()
-    sunk = model.solve(pushed.ravel()).reshape(-1, 3)[end, 2]
+    sunk = model.statics(pushed.ravel())[0].reshape(-1, 3)[end, 2]
     x, weight = np.polynomial.legendre.leggauss(40)
     x, weight = length * (1 + x) / 2, length * weight / 2
     height = thick * (1 - (1 - thin_end) * x / length)
@@ -502,7 +502,7 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     assert rates(model, 1)[0] == pytest.approx(rate, rel=3e-3)
     # pulled along it, and what is told of its stress
     pushed = pushed[:, [2, 1, 0]] * 100
-    _, stress = model.strain_and_stress(model.solve(pushed.ravel()).reshape(-1, 3))
+    _, stress = model.strain_and_stress(model.statics(pushed.ravel())[0].reshape(-1, 3))
     middle = points[cells[::5]].mean(axis=1)[:, 0]
     there = thick * (1 - (1 - thin_end) * middle / length)
     inner = abs(middle - length / 2) < 0.4 * length
@@ -522,7 +522,7 @@ def test_a_pulled_strip_is_stressed_as_much_as_it_is_pulled():
     end = points[:, 0] == length
     across = np.array([0.25, 0.5, 0.25]) * force / 2
     forces[end, 0] = np.tile(across, 2)
-    strain, stress = model.strain_and_stress(model.solve(forces.ravel()).reshape(-1, 3))
+    strain, stress = model.strain_and_stress(model.statics(forces.ravel())[0].reshape(-1, 3))
     pulled = force / width / thickness
     assert stress.shape == (len(cells), 6)
     # the thickness of a sheet is a spring of its own: no narrowing of the plane strains it

@@ -116,12 +116,10 @@ class CageFittings(Parameterised):
         '"sphere(0, 0, 0, 1 mm) 5 g".',
     )
     stiffness_factors = Text(
-        "",
-        "Name of a cell array of the cage: factor on the stiffness of each cell.",
+        "", "Name of a cell array of the cage: factor on the stiffness of each cell."
     )
     density_factors = Text(
-        "",
-        "Name of a cell array of the cage: factor on the density of each cell.",
+        "", "Name of a cell array of the cage: factor on the density of each cell."
     )
 
     def make_fittings(

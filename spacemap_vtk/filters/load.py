@@ -254,9 +254,7 @@ class Load(Parameterised):
     def __setattr__(self, name: str, value: Any) -> None:
         if self._sealed:
             raise InputError(
-                "a load cannot be changed",
-                key=name,
-                cure="Assign a new list of loads instead",
+                "a load cannot be changed", key=name, cure="Assign a new list of loads instead"
             )
         super().__setattr__(name, value)
 

@@ -167,8 +167,7 @@ class LoadParameters(Parameterised):
         component=Real(0.0, "", unit="m/s"),
     )
     initial_velocity_array = Text(
-        "",
-        "Name of a point array of the cage: velocities at t = 0 in m/s, added to the others.",
+        "", "Name of a point array of the cage: velocities at t = 0 in m/s, added to the others."
     )
     initial_displacement = Vector(
         (0.0, 0.0, 0.0),
@@ -176,8 +175,7 @@ class LoadParameters(Parameterised):
         component=Real(0.0, "", unit="m"),
     )
     initial_displacement_array = Text(
-        "",
-        "Name of a point array of the cage: displacements at t = 0 in m, added to the others.",
+        "", "Name of a point array of the cage: displacements at t = 0 in m, added to the others."
     )
     stress = Flag(True, "Compute strain and stress of each tetrahedron.")
     energy = Flag(True, "Compute kinetic, strain and dissipated energy, and external work.")

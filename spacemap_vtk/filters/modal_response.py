@@ -209,8 +209,6 @@ def static_displacements(
         result[:, missing], rounding[missing] = model.unit_statics(forces[:, missing])
         for column in missing:
             cache.store(
-                keys[column],
-                displacement=result[:, column],
-                rounding=rounding[column : column + 1],
+                keys[column], displacement=result[:, column], rounding=rounding[column : column + 1]
             )
     return result / model.modulus, rounding

@@ -66,11 +66,7 @@ class MotionReader(Stage):
     moving_points = Flag(
         False, "Read the displacement from the coordinates of the points instead of an array."
     )
-    scale = Real(
-        1.0,
-        "Factor on all lengths: 0.001 for a result in millimetres.",
-        above=0.0,
-    )
+    scale = Real(1.0, "Factor on all lengths: 0.001 for a result in millimetres.", above=0.0)
 
     _opened: tuple[Any, MeshSeries] | None = None
     _first: tuple[Any, Volume, ConnectivitySnapshot, Floats] | None = None

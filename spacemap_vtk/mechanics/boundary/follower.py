@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, digest_of
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, digest_of, sum_at_nodes
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Levi-Civita symbol: (s × d)_a = Σ _CROSS_abc s_b d_c.
@@ -44,9 +44,7 @@ class FollowerPressure(EnergyTerm):
 
     def forces(self, positions: Floats) -> Floats:
         """Compute the outward forces that hold the wall against the pressure, (V, 3)."""
-        forces = self._face_forces(positions[self.nodes]).reshape(-1, 3)
-        rows, count = self.nodes.ravel(), len(positions)
-        return np.stack([np.bincount(rows, forces[:, i], count) for i in range(3)], axis=1)
+        return sum_at_nodes(self.nodes, self._face_forces(positions[self.nodes]), len(positions))
 
     def tangent(self, positions: Floats) -> Floats:
         """Compute the derivatives of each face's forces by its nodes, (f, 3 k, 3 k)."""

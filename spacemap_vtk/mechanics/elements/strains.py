@@ -23,7 +23,12 @@ import numpy as np
 from spacemap_vtk.mechanics.elements.elasticity import barycentric_gradients
 from spacemap_vtk.mechanics.elements.kinematics import QUADRATURE_POINTS
 from spacemap_vtk.mechanics.elements.tetrahedra import shape_slopes
-from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, digest_of
+from spacemap_vtk.mechanics.equilibrium.energy_terms import (
+    EnergyTerm,
+    TermState,
+    digest_of,
+    sum_at_nodes,
+)
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Axes of the strain components xx, yy, zz, yz, zx, xy.
@@ -94,9 +99,7 @@ class Strains(EnergyTerm):
         """Sum σ_s G_s over the strains at each of `count` nodes, (count, 3)."""
         elements, nodes = self.nodes.shape
         force = stress.reshape(elements, 1, -1) @ gradients.reshape(elements, -1, 3 * nodes)
-        force = force.reshape(-1, 3)
-        rows = self.nodes.ravel()
-        return np.stack([np.bincount(rows, force[:, i], count) for i in range(3)], axis=1)
+        return sum_at_nodes(self.nodes, force, count)
 
     def tangent(self, positions: Floats) -> Floats:
         """Compute ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""

@@ -9,11 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy import linalg as la
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh, splu
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
-from spacemap_vtk.mechanics.linalg.factors import Solve, factorise
+from spacemap_vtk.mechanics.linalg.factors import Solve, factorise, factorise_ordered
 from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
@@ -139,15 +139,9 @@ class Body:
     def factorise_unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
         """Factorise a possibly unsymmetric matrix of the tangent's pattern; return its solver."""
         order = self._analysis.order
-        try:
-            solve = splu(
-                self._analysis.reorder(matrix),
-                permc_spec="NATURAL",
-                diag_pivot_thresh=0.01,
-                options={"SymmetricMode": True},
-            ).solve
-        except RuntimeError as error:
-            raise SolverError("the tangent of this step is singular") from error
+        solve = factorise_ordered(self._analysis.reorder(matrix))
+        if solve is None:
+            raise SolverError("the tangent of this step is singular")
 
         def solved(right: Floats) -> Floats:
             result = np.empty_like(right)

@@ -247,6 +247,12 @@ def assemble_blocks(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matr
     return coo_matrix(data, shape=(size, size)).tocsr()
 
 
+def sum_at_nodes(nodes: Ints, forces: Floats, count: int) -> Floats:
+    """Sum forces (E, n, 3) of elements with nodes (E, n) at each of `count` nodes, (count, 3)."""
+    rows, forces = nodes.ravel(), forces.reshape(-1, 3)
+    return np.stack([np.bincount(rows, forces[:, i], count) for i in range(3)], axis=1)
+
+
 #: Function that makes a term on a cage from vertices (V, 3) [m], tetrahedra and keyword arguments.
 TermFactory = Callable[..., EnergyTerm]
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.linalg.multifrontal import Analysis, Cholesky
@@ -53,6 +54,15 @@ def factorise(
                 cure="Look for badly shaped tetrahedra in the cage",
             ) from error
     return Factors(Cholesky(matrix, analysis(), progress).solve, "multifrontal")
+
+
+def factorise_ordered(matrix: sp.csc_matrix) -> Solve | None:
+    """Factorise a nearly symmetric matrix in its order with SuperLU; None if it is singular."""
+    options = {"SymmetricMode": True}
+    try:
+        return splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options=options).solve
+    except RuntimeError:
+        return None
 
 
 def cholmod(matrix: sp.csr_matrix) -> Solve:

@@ -80,7 +80,7 @@ class Model:
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> held = np.arange(4)[:, None] < [3, 3, 3]
     >>> model = Model(corners, [[0, 1, 2, 3]], isotropic(1e6, 0.0), 1000.0, held)
-    >>> [float(round(u, 9)) for u in model.solve(np.eye(12)[11])[9:]]
+    >>> [float(round(u, 9)) for u in model.statics(np.eye(12)[11])[0][9:]]
     [0.0, 0.0, 6e-06]
     """
 
@@ -208,8 +208,8 @@ class Model:
         positions = self.pencil.nodes.positions
         return self.modulus * sum(term.energy(positions) for term in self.pencil.terms)
 
-    def solve(self, forces: ArrayLike) -> Floats:
-        """Solve K u = f for static displacements.
+    def statics(self, forces: ArrayLike) -> tuple[Floats, Floats]:
+        """Solve K u = f for static displacements, and estimate their rounding errors.
 
         If the supports allow rigid motions, the part of the forces that accelerates the body as a
         whole is removed (inertia relief), and displacements are M-orthogonal to these motions.
@@ -221,32 +221,8 @@ class Model:
 
         Returns
         -------
-        ndarray of float64, shape of `forces`
-            Displacements u [m], zero where held.
-
-        Raises
-        ------
-        InputError
-            If the shape is wrong.
-        SizeError
-            If the factors do not fit into memory.
-        SolverError
-            If no digit of the result is correct.
-        """
-        return self.statics(forces)[0]
-
-    def statics(self, forces: ArrayLike) -> tuple[Floats, Floats]:
-        """Solve as `solve` does, and estimate the rounding errors of the displacements.
-
-        Parameters
-        ----------
-        forces : array_like of float, shape (3V,) or (3V, m)
-            Forces on the vertices [N].
-
-        Returns
-        -------
         displacements : ndarray of float64, shape of `forces`
-            Displacements u [m].
+            Displacements u [m], zero where held.
         rounding : ndarray of float64, shape (m,)
             Estimated share of u, in the energy norm, that is rounding in K and in the solution:
             1e-10 means that ten digits are correct. The bending stiffness of a thin sheet is so

@@ -212,12 +212,8 @@ def base_factors(function: TimeFunction, time: float) -> Floats:
 def jump_of(function: TimeFunction, time: float, held: bool) -> tuple[float, float]:
     """Compute the jumps of a function and its slope at a time."""
     # If the base is held at the first value of its function, only the slope jumps at t = 0.
-    if isinstance(function, Sine):
+    if isinstance(function, Sine) or time == 0.0:
         if time > 0.0 or function.steady:
-            return 0.0, 0.0
-        return (0.0 if held else function.value(0.0)), function.slope(0.0)
-    if time == 0.0:
-        if function.steady:
             return 0.0, 0.0
         return (0.0 if held else function.value(0.0)), function.slope(0.0)
     _, rest = function.phase(time)

@@ -34,12 +34,11 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
 from spacemap_vtk.mechanics.equilibrium.body import Body
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
-from spacemap_vtk.mechanics.linalg.factors import Solve
+from spacemap_vtk.mechanics.linalg.factors import Solve, factorise_ordered
 from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Times of the two stages, as shares of the step. Their weights are ½, ½.
@@ -141,12 +140,7 @@ class GaussIntegrator:
     # that may change with time, see `ActingLoads`.
 
     def __init__(
-        self,
-        body: Body,
-        mass: sp.csr_matrix,
-        alpha: float,
-        beta: float,
-        drag: Floats | None = None,
+        self, body: Body, mass: sp.csr_matrix, alpha: float, beta: float, drag: Floats | None = None
     ) -> None:
         self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
         #: Numbers of the terms that are strains, and of the others; `_driven` marks those of the
@@ -263,12 +257,7 @@ class GaussIntegrator:
         return Step(end, later, self.evaluate(end), damped, work, error, pulls)
 
     def _estimate_error(
-        self,
-        rate: Floats,
-        parts: list[TermState],
-        load: ActingLoads,
-        inertia: Floats,
-        solve: Solve,
+        self, rate: Floats, parts: list[TermState], load: ActingLoads, inertia: Floats, solve: Solve
     ) -> Floats:
         """Estimate the errors per radian of vibration [m], (V, 3)."""
         # The accelerations of the stages, extrapolated linearly to the start, differ from the
@@ -293,12 +282,7 @@ class GaussIntegrator:
         return np.asarray((self.mass @ (_INVERSE @ changes / span).T).T)
 
     def _evaluate_stages(
-        self,
-        position: Floats,
-        moves: Floats,
-        speeds: Floats,
-        parts: list[StrainState],
-        span: float,
+        self, position: Floats, moves: Floats, speeds: Floats, parts: list[StrainState], span: float
     ) -> list[_ElementStages]:
         places = [self.body.start + self.body.node_moves(position + move) for move in moves]
         flows = [self.body.node_moves(speed) for speed in speeds]
@@ -540,14 +524,8 @@ class _StageSystem:
         values = (tangents + heavy[:, :, None] * self._mass).ravel()[self._entries]
         shape = self._size, self._size
         matrix = sp.csc_matrix((values, self._rows, self._starts), shape=shape)
-        try:
-            solve = splu(
-                matrix,
-                permc_spec="NATURAL",
-                diag_pivot_thresh=0.01,
-                options={"SymmetricMode": True},
-            ).solve
-        except RuntimeError:
+        solve = factorise_ordered(matrix)
+        if solve is None:
             return None
 
         def solved(right: Floats) -> Floats:
