@@ -155,8 +155,8 @@ class DraftTab(QWidget):
         grid.setContentsMargins(0, 0, 0, 0)
         for number, (name, tip) in enumerate(
             (
-                ("ends", "Number of warp yarns; more than the draft has repeat it"),
-                ("picks", "Number of weft yarns; more than the draft has repeat it"),
+                ("ends", "Number of warp yarns; a larger number repeats the draft"),
+                ("picks", "Number of weft yarns; a larger number repeats the draft"),
                 ("shafts", "Number of shafts; those in use cannot be removed"),
                 ("treadles", "Number of treadles; those in use cannot be removed"),
             )

@@ -160,7 +160,7 @@ class ViewBar(QToolBar):
             )
             for name, style in STYLES.items()
         }
-        self._add_menu("Style", "Look of the picture").addActions([*self.styles.values()])
+        self._add_menu("Style", "Style of the picture").addActions([*self.styles.values()])
         self.backgrounds = {
             name: action(self, name, self._choose_background, data=colors)
             for name, colors in BACKGROUNDS.items()
