@@ -71,7 +71,7 @@ def main(rounds: int) -> None:
     memory, objects, threads = [], [], []
     early: Counter[str] = Counter()
     for number in range(rounds):
-        one_round(app, scene, whole=number % 5 == 0)
+        one_round(app, scene, with_plots=number % 5 == 0)
         app.processEvents()
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
         gc.collect()
