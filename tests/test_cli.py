@@ -88,7 +88,7 @@ def test_a_draft_is_drawn_in_its_own_colours(tmp_path: Path, capsys: pytest.Capt
     assert run("render", str(SCENES / "32-shaft_twill.wif"), "-o", str(file), *SMALL) == 0
     # One line is printed if OpenGL libraries are missing.
     lines = capsys.readouterr().err.splitlines()
-    assert [line for line in lines if "drawn without OpenGL" not in line] == []
+    assert [line for line in lines if "OpenGL libraries were not found" not in line] == []
     red, green, blue = np.asarray(Image.open(file)).astype(int).reshape(-1, 3).T
     assert np.sum(blue - red > 60) > 100  # the draft's turquoise, 55, 117, 178
     assert np.sum((red - green > 30) & (blue - green > 15)) > 100  # its magenta, 125, 60, 87

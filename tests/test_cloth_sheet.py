@@ -120,8 +120,8 @@ def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
     numbers = color_values(scene.polygons, "clearance")
     assert numbers is not None
     # The scale is that of all yarns.
-    assert sheet.ends is not None
-    assert natural_span(sheet.ends) == pytest.approx(natural_span(numbers), rel=0.01)
+    assert sheet.extremes is not None
+    assert natural_span(sheet.extremes) == pytest.approx(natural_span(numbers), rel=0.01)
     # Seen from above, the half of the yarn on top: its facets by what they cover.
     assert sheet.crossings is not None
     top = np.where(sheet.cloth.drawdown, *sheet.crossings)
@@ -207,12 +207,12 @@ def test_yarns_that_are_seen_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told.sheet is None  # who says how many facets gets them
 
 
-def test_distances_on_few_facets_are_said_to_be_rough() -> None:
+def test_clearances_on_few_facets_cause_a_warning() -> None:
     view = {"color": "clearance"}
     _, few = drawn({"ends": 9, "picks": 9}, 90, view=view)
-    assert "a yarn has 8 facets around" in "".join(few.scene.warnings)
+    assert "yarns have only 8 facets around" in "".join(few.scene.warnings)
     _, many = drawn({"ends": 9, "picks": 9}, 90, view=view, surface={"subdivisions": 4})
-    assert "rough" not in "".join(many.scene.warnings)
+    assert "approximate" not in "".join(many.scene.warnings)
 
 
 def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkMassProperties, vtkT
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 from spacemap_vtk.datasets.arrays import points_of, to_array
-from spacemap_vtk.draw.actors.cut_face import BRIGHT, compute_cut_face
+from spacemap_vtk.draw.actors.cut_face import BRIGHTNESS, compute_cut_face
 from spacemap_vtk.draw.actors.surface_actor import FAMILIES
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.scenes.scene import Scene
@@ -114,7 +114,7 @@ def drawn(**view: Any) -> np.ndarray:
 def test_in_pictures_a_face_is_flat() -> None:
     view = {"camera": "side", "clip_normal": [-1, 0, 0], "color": "family", "shadows": False}
     image = drawn(**view)
-    flat = np.array(list(bytes.fromhex(FAMILIES[1][1:]))) * BRIGHT
+    flat = np.array(list(bytes.fromhex(FAMILIES[1][1:]))) * BRIGHTNESS
     # Four sections of weft, each a disc of one colour; light makes no two pixels of a yarn equal.
     assert (np.abs(image - flat).max(axis=2) <= 1).sum() > 400
     whole = drawn(**{**view, "clip_normal": "auto"})

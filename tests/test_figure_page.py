@@ -107,15 +107,15 @@ def test_round_numbers_and_lengths() -> None:
     assert round_ticks(0.0, 0.8) == [0.0, 0.2, 0.4, 0.6, 0.8]
 
 
-def test_what_no_figure_can_be_is_refused(
+def test_invalid_figure_options_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for arguments, words in (
         (("plain_weave", "--panels=drawdowns"), "pictures ("),
         (("plain_weave", "--width=18"), "40mm to 1200mm"),
         (("plain_weave", "--panels=section", "--end=8"), "1 to 7"),
-        (("plain_weave", "--columns=0"), "1 or more"),
-        (("twill_2_2", "--cage"), "without a cage"),
+        (("plain_weave", "--columns=0"), "at least 1"),
+        (("twill_2_2", "--cage"), "no moving cage"),
         (("lever_in_tetwild_cage", "--panels=section"), "this scene is not woven"),
     ):
         assert run("figure", *arguments, "-q", "-o", tmp_path / "a.svg") == 2

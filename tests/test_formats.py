@@ -143,7 +143,8 @@ def test_a_new_writer_is_used_everywhere(tmp_path: Path, capsys: Any) -> None:
     assert run(*words) == 0
     assert len(np.loadtxt(file)) == scene.polygons.GetNumberOfPoints()
     assert run(*words, "--what", "draft") == 2
-    assert ".xyz files do not hold that; allowed: surface, cage" in capsys.readouterr().err
+    allowed = "cannot contain this kind of data; allowed: surface, cage"
+    assert f".xyz files {allowed}" in capsys.readouterr().err
     # A writer of many times receives those of the film.
     film = tmp_path / "a.film"
     assert run("export", "plain_weave", "-o", str(film), "-q", "--set", "animation.stop=0.2") == 0

@@ -168,4 +168,4 @@ def test_a_page_too_large_for_browsers_is_refused(tmp_path: Path) -> None:
     scene = changed("plain_weave", *SMALL)
     for most, what in ((50_000, r"\d+ points"), (100_000, r"\d+ targets of \d+ points")):
         with pytest.raises(SizeError, match=rf"^{what} do not fit .*subdivisions"):
-            make_moving_surface(scene, TIMES, TOLERANCE, lambda done, of: None, most=most)
+            make_moving_surface(scene, TIMES, TOLERANCE, lambda done, of: None, max_bytes=most)

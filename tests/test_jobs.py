@@ -61,7 +61,7 @@ VALUES: dict[str, Any] = {
         ("cage", "a.stl", "surface"),
         ("", "a.png", ".vtu"),
         ("film", "no/a.gif", "does not exist"),
-        ("moving", "a.vtu", "do not hold that"),
+        ("moving", "a.vtu", "cannot contain this kind of data"),
         ("a meal", "a.vtu", "allowed: .*picture"),
     ],
 )

@@ -101,15 +101,19 @@ def test_a_surface_with_many_points_is_made_of_less_and_says_so(
 ) -> None:
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", 1000)
     monkeypatch.setattr(morph_surface, "_MANY_POINTS", 200)
-    monkeypatch.setattr(morph_surface, "_LARGE", 1)
-    monkeypatch.setattr(morph_surface, "_OF_YARN", 4e-6)
+    monkeypatch.setattr(morph_surface, "_LARGE_FILE", 1)
+    monkeypatch.setattr(morph_surface, "_YARN_TOLERANCE", 4e-6)
     scene, said = changed("plain_weave", *SMALL), list[str]()
     made = make_moving_surface(
-        scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, say=said.append
+        scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, warn=said.append
     )
     assert "subdivided by 1, not by 2" in said[0]
-    assert re.fullmatch(r"8 of 1\d targets are taken: all would be too large.*", said[1])
-    assert re.match(r"8 targets of \d+ points make up to 0 MB; with fewer --sub", said[2])
+    assert re.fullmatch(
+        r"8 of 1\d targets are written, because the file would be too large; .*", said[1]
+    )
+    assert re.match(
+        r"8 targets of \d+ points need up to 0 MB; for a smaller file use fewer --sub", said[2]
+    )
     assert len(made.targets) == 8
     # How far it is off is told, and is no more.
     assert 0.0 < made.metadata["largest_error"] <= made.tolerance < 1e-6
@@ -178,15 +182,15 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
             ]
         )
     told = re.fullmatch(
-        r".*a\.glb: \d targets, 7 frames, each within [\d.]+ nm, [\d.]+ MB\n",
+        r".*a\.glb: \d targets, 7 frames, largest error [\d.]+ nm, [\d.]+ MB\n",
         capsys.readouterr().out,
     )
     assert told is not None
     for more, said in (
-        (["--tolerance", "1e-20"], "no number of targets"),
+        (["--tolerance", "1e-20"], "the tolerance is too small"),
         (["--tolerance", "0mm"], "must be a length"),
         (["--modes", "--tolerance", "1mm"], "modes are written without a tolerance"),
-        (["--times", "0.1,0.05"], "times that ascend"),
+        (["--times", "0.1,0.05"], "times must increase"),
         (["--times", "0,0.05", "--fps", "3"], "--times: cannot be combined with --fps"),
         (["--to", "1", "--what", "surface"], "--to: a .vtp file stores one time"),
     ):
@@ -202,7 +206,7 @@ def test_a_still_cloth_of_many_patches_is_subdivided_less(monkeypatch: pytest.Mo
     usual = len(make_moving_surface(scene, [0.0], None, lambda *_: None).points)
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", usual / 3)
     said: list[str] = []
-    few = make_moving_surface(scene, [0.0], None, lambda *_: None, say=said.append)
+    few = make_moving_surface(scene, [0.0], None, lambda *_: None, warn=said.append)
     assert len(few.points) < usual / 2
     assert "patches are subdivided by 2, not by 4" in said[0]
     # as many as are asked for, and of a .ply as the scene says
@@ -223,6 +227,6 @@ def test_a_cloth_that_is_too_large_is_refused_before_it_is_made(
         monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 500_000_000)
     else:
         most = 2**27
-    with pytest.raises(SizeError, match=r"million points.*memory|points do not fit into a file"):
-        make_moving_surface(scene, [0.0], None, lambda *_: None, most=most, sides=4)
+    with pytest.raises(SizeError, match=r"million points.*memory|too much for one file"):
+        make_moving_surface(scene, [0.0], None, lambda *_: None, max_bytes=most, sides=4)
     assert scene.source.executions == 0

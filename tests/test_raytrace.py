@@ -18,8 +18,8 @@ def test_fibres_have_the_colours_of_their_yarns_and_gaps_are_dark() -> None:
     view = {"camera": "front", "zoom": 1.6, "background": "#ffffff", "background_top": "#ffffff"}
     steps: list[tuple[int, int]] = []
     scene = Scene({"weave": weave, "view": {**view, "triad": True}})
-    image = raytrace.raytraced(scene, 0.0, (64, 48), 4, lambda *at: steps.append(at))
-    assert scene.warnings[-1].endswith("in their own colours, and nothing of view.triad")
+    image = raytrace.raytrace(scene, 0.0, (64, 48), 4, lambda *at: steps.append(at))
+    assert scene.warnings[-1].endswith("ray tracing ignores view.triad")
     assert image.shape == (48, 64, 3)
     assert steps[0] == (0, 9)
     assert steps[-1] == (9, 9)

@@ -69,8 +69,8 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
         ({"scene": '[motion]\nfile = "../s*.vtu"\n'}, "not among the files"),
         ({"scene": '[[response.loads]]\nfile = "../secret.wif"\n'}, "not among the files"),
         ({"inputs": {"../secret.wif": "0" * 64}}, "has changed since"),
-        ({"order": {"what": "painted", "nothing": 1}}, "no order"),
-        ({"order": {"what": "painted", "times": "soon"}}, "no order"),
+        ({"order": {"what": "painted", "nothing": 1}}, "invalid description of a job"),
+        ({"order": {"what": "painted", "times": "soon"}}, "invalid description of a job"),
         ({"order": ["picture"]}, "damaged"),
         ({"scene": "= ["}, "damaged"),
     ],
@@ -143,5 +143,5 @@ def test_the_printed_command_can_be_parsed(asked: dict[str, Any]) -> None:
 
 
 def test_an_unknown_job_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no order that this program knows"):
+    with pytest.raises(InputError, match="invalid description of a job"):
         job_from_json({"what": "picture", "place": [1, 2]}, tmp_path / "a.png")

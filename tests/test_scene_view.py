@@ -36,7 +36,7 @@ class Shown:
 
     def __init__(self, scene: Scene) -> None:
         self.window = OffscreenWindow(SIZE, samples=4)
-        self.view = SceneView(self.window.renderer, shades=True)
+        self.view = SceneView(self.window.renderer, has_shadows=True)
         self.scene = scene
         aim_camera(
             self.window.camera, moved_points(scene.deformed_cage), 4 / 3, "three-quarter", 1.0
@@ -111,7 +111,7 @@ def test_far_sides_are_left_out_of_closed_yarns_alone() -> None:
     with opened() as shown:
         frame = frame_of(shown.scene, 0.02)
         assert frame.closed
-        view = SceneView(shown.window.renderer, shades=False)
+        view = SceneView(shown.window.renderer, has_shadows=False)
         for closed in (True, False):
             view.show(replace(frame, closed=closed), shown.scene.view, ViewOptions())
             assert view.surface.GetProperty().GetBackfaceCulling() == closed
@@ -134,7 +134,7 @@ def test_a_cage_has_each_edge_once_and_quadratic_ones_bent(order: int) -> None:
     box.SetInputDataObject(0, cage)
     dense = box.update().output
     add_array(dense.GetPointData(), "displacement", np.zeros((dense.GetNumberOfPoints(), 3)))
-    actor.show(dense, 1.0, over=True)
+    actor.show(dense, 1.0, thin=True)
     assert actor.GetMapper().GetInput().GetNumberOfLines() == order * 18 * n * n
     assert 0.0 < actor.GetProperty().GetOpacity() < 0.5
 

@@ -74,7 +74,7 @@ def test_near_yarns_are_built_in_view(opened: Any, monkeypatch: pytest.MonkeyPat
     # All yarns would be many more cells: the sheet is not replaced by yarns.
     assert view.frame.cloth is not None
     assert view.frame.yarns is None
-    assert any("come nearer" in text for text in view.frame.warnings)
+    assert any("zoom in" in text for text in view.frame.warnings)
     runs = scene_of(window).modal.executions
     view.reset_camera("front")
     x, y = view.canvas.width() / 2, view.canvas.height() / 2
@@ -82,7 +82,7 @@ def test_near_yarns_are_built_in_view(opened: Any, monkeypatch: pytest.MonkeyPat
     view.zoom(8.0)
     assert view.steering
     wait_until(lambda: at_rest(window) and view.frame.yarns is not None)
-    assert not any("come nearer" in text for text in view.frame.warnings)
+    assert not any("zoom in" in text for text in view.frame.warnings)
     assert scene_of(window).modal.executions == runs
     assert scene_of(window).warp.executions == 0
     # Yarns replace the sheet in the same colours and can be picked.

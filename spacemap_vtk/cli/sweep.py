@@ -119,7 +119,7 @@ def sweep(
     asked = read_sweep(scene, set_, paired=paired, times=times, fixed=fixed)
     with progress(None, "Running", quiet) as report_progress:
         found = execute_sweep(
-            asked, output, report_progress, workers=workers, cluster=cluster or "", again=again
+            asked, output, report_progress, workers=workers, cluster=cluster or "", redo=again
         )
     if not quiet:
         _print_table(asked, found)

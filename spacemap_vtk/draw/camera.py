@@ -24,10 +24,10 @@ def camera_up_axis(name: str) -> int:
 
 def camera_directions(name: str, up: int) -> Floats:
     """Return the direction to a named camera and its up direction, for an up axis, (2, 3)."""
-    way = np.array(CAMERAS[name])
+    directions = np.array(CAMERAS[name])
     if up == 2 and name not in ("lying", FLAT):
-        way = way[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
-    return way
+        directions = directions[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
+    return directions
 
 
 def keep_upright(camera: vtkCamera, up: int, before: Viewpoint | None = None) -> None:
@@ -57,8 +57,8 @@ class Viewpoint(NamedTuple):
     def from_camera(cls, camera: vtkCamera) -> Viewpoint:
         """Return the placement of a camera."""
         scale = camera.GetParallelScale() if camera.GetParallelProjection() else 0.0
-        stands = camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()
-        return cls(*stands, scale, camera.GetViewAngle())
+        placement = camera.GetPosition(), camera.GetFocalPoint(), camera.GetViewUp()
+        return cls(*placement, scale, camera.GetViewAngle())
 
     @classmethod
     def from_json(cls, numbers: Sequence[Any]) -> Viewpoint:
@@ -88,7 +88,7 @@ class CameraView(NamedTuple):
 
     viewpoint: Viewpoint
     #: Horizontal offset of the picture's centre, as in vtkCamera.SetWindowCenter.
-    window_center_x: float
+    offset: float
     #: Width and height in pixels.
     size: tuple[int, int]
 
@@ -102,14 +102,14 @@ class CameraView(NamedTuple):
         """A new camera with this view."""
         camera = vtkCamera()
         self.viewpoint.apply_to(camera)
-        camera.SetWindowCenter(self.window_center_x, 0.0)
+        camera.SetWindowCenter(self.offset, 0.0)
         return camera
 
 
-#: Margin of the picture at each edge, as a share of the picture: in perspective, and for the camera
-#: `FLAT`.
-_MARGIN, _FLAT_MARGIN = 0.06, 0.01
-
+#: Margin of the picture at each edge, as a share of the picture, in perspective.
+_MARGIN = 0.06
+#: The same for the camera `FLAT`.
+_FLAT_MARGIN = 0.01
 
 #: Position, intensity and colour of each light for objects that no style lights (arrows, ghosts,
 #: lines), in the camera's coordinates: it looks along -z, y is up.
@@ -163,21 +163,21 @@ def aim_camera(
 ) -> None:
     """Place a camera so that the points just fill the picture; `axis` is up for a named camera."""
     if name is None:
-        ways = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
+        directions = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
     else:
-        ways = tuple(camera_directions(name, axis))
-    direction, up = (np.array(v) / np.linalg.norm(v) for v in ways)
+        directions = tuple(camera_directions(name, axis))
+    direction, up = (np.array(v) / np.linalg.norm(v) for v in directions)
     right = np.cross(up, direction)
     right /= np.linalg.norm(right)
     up = np.cross(direction, right)
     axes = np.stack([right, up, direction])
-    seen = points @ axes.T
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    coordinates = points @ axes.T
+    middle = (coordinates.min(axis=0) + coordinates.max(axis=0)) / 2
     slope = np.tan(np.radians(VIEW_ANGLE / 2)) * (1 - 2 * _MARGIN)
     # Near points look larger, so the centre of the picture is not the centre of the scene. A few
     # rounds of placing the camera and centring the picture converge.
     for _ in range(4):
-        across, above, toward = (seen - middle).T
+        across, above, toward = (coordinates - middle).T
         # A point is in the picture if |across| <= slope * (distance - toward), above likewise.
         distance = max(
             float((np.abs(across) / (slope * aspect) + toward).max()),
@@ -208,10 +208,10 @@ def half_height(camera: vtkCamera) -> float:
     return camera.GetDistance() * float(np.tan(np.radians(camera.GetViewAngle() / 2)))
 
 
-def _use_parallel_projection(camera: vtkCamera, seen: Floats, aspect: float, zoom: float) -> None:
+def _use_parallel_projection(camera: vtkCamera, points: Floats, aspect: float, zoom: float) -> None:
     """Switch to parallel projection, with a smaller margin."""
-    across, above = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    half = 0.5 * float((np.ptp(seen, axis=0) / (aspect, 1.0)).max()) / (1 - 2 * _FLAT_MARGIN)
+    across, above = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    half = 0.5 * float((np.ptp(points, axis=0) / (aspect, 1.0)).max()) / (1 - 2 * _FLAT_MARGIN)
     camera.SetPosition(across, above, camera.GetPosition()[2])
     camera.SetFocalPoint(across, above, camera.GetFocalPoint()[2])
     camera.SetParallelProjection(True)
@@ -233,8 +233,8 @@ def depths_to_metres(camera: vtkCamera, depths: Singles) -> Singles:
 
 def pixels_per_metre_at_focus(camera: vtkCamera, height: float) -> float:
     """Return the pixels per metre at the camera's focus, in a picture of some height."""
-    flat = camera.GetParallelProjection()
-    return height / (2 * (camera.GetParallelScale() if flat else half_height(camera)))
+    parallel = camera.GetParallelProjection()
+    return height / (2 * (camera.GetParallelScale() if parallel else half_height(camera)))
 
 
 def pixels_per_metre(camera: vtkCamera, points: Floats, height: int) -> float:
@@ -254,27 +254,30 @@ def project_points(camera: vtkCamera, points: AnyFloats, aspect: float) -> Float
 
 
 def refit_viewpoint(
-    place: Viewpoint, things: Sequence[tuple[AnyFloats, Ints]], aspect: float, other: float
+    viewpoint: Viewpoint,
+    objects: Sequence[tuple[AnyFloats, Ints]],
+    aspect: float,
+    new_aspect: float,
 ) -> Viewpoint:
     """Return a viewpoint that shows the same content in a picture of another aspect ratio."""
     # Each thing is the corners of its cells, and the index of each cell's first corner. The visible
     # part becomes as large as the new picture allows, and the centre stays. If nothing is visible,
     # the height stays.
     camera = vtkCamera()
-    place.apply_to(camera)
+    viewpoint.apply_to(camera)
     reach = np.zeros(2)
-    for points, first in things:
+    for points, first in objects:
         if not len(points):
             continue
-        at = project_points(camera, points, aspect)
-        w = at[:, 3:]
+        clip = project_points(camera, points, aspect)
+        w = clip[:, 3:]
         # Corners behind the camera count as beyond all edges of the picture.
-        xy = np.where(w > 0.0, at[:, :2] / np.where(w > 0.0, w, 1.0), [[np.inf, np.inf]])
+        xy = np.where(w > 0.0, clip[:, :2] / np.where(w > 0.0, w, 1.0), [[np.inf, np.inf]])
         low, high = (op.reduceat(xy, first, axis=0) for op in (np.minimum, np.maximum))
-        seen = ((low < 1.0) & (high > -1.0)).all(axis=1)
-        far = np.minimum(np.maximum(-low, high), 1.0)[seen]
+        visible = ((low < 1.0) & (high > -1.0)).all(axis=1)
+        far = np.minimum(np.maximum(-low, high), 1.0)[visible]
         reach = np.maximum(reach, far.max(axis=0, initial=0.0))
     largest = float(reach.max())
     if largest == 0.0:
-        return place
-    return place.widen(max(float(reach[0]) * aspect / other, float(reach[1])) / largest)
+        return viewpoint
+    return viewpoint.widen(max(float(reach[0]) * aspect / new_aspect, float(reach[1])) / largest)

@@ -31,25 +31,27 @@ def gradient_background(
     return Image.fromarray((colors + pattern).astype(np.uint8))
 
 
-def compose(pixels: Bytes, behind: Background, shade: Shadows | None = None) -> Bytes:
+def compose(pixels: Bytes, background: Background, shadows: Shadows | None = None) -> Bytes:
     """Return a picture with the background's size; with coverage if the background is RGBA."""
     # The colours in `pixels` are premultiplied by the fourth number, the coverage of a pixel.
     size = pixels.shape[1], pixels.shape[0]
-    if shade is not None:
-        box, light = pixels[shade[0]], Image.fromarray((shade[1] * 255 + 0.5).astype(np.uint8))
-        whole = Image.new("L", light.size, 255)
-        lit = Image.frombuffer("RGBX", light.size, np.ascontiguousarray(box), "raw", "RGBX", 0, 1)
-        shades = Image.merge("RGBX", (light, light, light, whole))
-        box[:] = np.asarray(ImageChops.multiply(lit, shades))
+    if shadows is not None:
+        box, light = pixels[shadows[0]], Image.fromarray((shadows[1] * 255 + 0.5).astype(np.uint8))
+        opaque = Image.new("L", light.size, 255)
+        colors = Image.frombuffer(
+            "RGBX", light.size, np.ascontiguousarray(box), "raw", "RGBX", 0, 1
+        )
+        shades = Image.merge("RGBX", (light, light, light, opaque))
+        box[:] = np.asarray(ImageChops.multiply(colors, shades))
     # The picture is flipped after the reduction, when it is smaller and the flip takes less time.
-    turned = np.ascontiguousarray(pixels[::-1])
-    drawn = Image.frombuffer("RGBX", size, turned, "raw", "RGBX", 0, 1)
-    small = drawn.reduce(size[0] // behind.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
-    if behind.mode == "RGBA":  # the picture will be placed over an unknown background
+    flipped = np.ascontiguousarray(pixels[::-1])
+    drawn = Image.frombuffer("RGBX", size, flipped, "raw", "RGBX", 0, 1)
+    small = drawn.reduce(size[0] // background.width).transpose(Image.Transpose.FLIP_TOP_BOTTOM)
+    if background.mode == "RGBA":  # the picture will be placed over an unknown background
         return _unpremultiply(np.asarray(small))
     red, green, blue, cover = small.split()
-    left = Image.composite(Image.new("RGB", behind.size), behind, cover)
-    return np.asarray(ImageChops.add(Image.merge("RGB", (red, green, blue)), left))
+    rest = Image.composite(Image.new("RGB", background.size), background, cover)
+    return np.asarray(ImageChops.add(Image.merge("RGB", (red, green, blue)), rest))
 
 
 def transparent_background(size: tuple[int, int]) -> Background:

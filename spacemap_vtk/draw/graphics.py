@@ -10,12 +10,11 @@ from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.parallel import load_loops
 
 #: Message for a machine whose OpenGL library has no working driver, and its cure.
-NO_DRIVER = "OpenGL draws nothing here: no driver of its library works"
+NO_DRIVER = "OpenGL cannot draw: no working driver was found"
 INSTALL_DRIVERS = (
     'On Debian or Ubuntu: "apt-get install libgl1-mesa-dri"; on Fedora: "dnf install '
-    'mesa-dri-drivers": these draw without a graphics card, too.'
+    'mesa-dri-drivers". These drivers also work without a graphics card.'
 )
-
 
 #: Libraries that VTK's wheel loads: libEGL for the window, libGL for the OpenGL functions.
 _LIBRARIES = ("libEGL.so.1", "libGL.so.1")
@@ -46,7 +45,7 @@ def prepare_offscreen() -> None:
         On Linux, if there is neither EGL nor OSMesa. VTK's wheel would crash with a segmentation
         fault when it opens its first window.
     """
-    require_opengl("pictures need")
+    require_opengl("pictures")
     if sys.platform.startswith("linux"):
         found = all(map(can_load, _LIBRARIES))
         # Otherwise VTK tries an X server first, and prints an error if there is none.
@@ -57,10 +56,10 @@ def prepare_offscreen() -> None:
 
 
 def require_opengl(what: str) -> None:
-    """Raise MissingLibraryError if no OpenGL library can be loaded."""
+    """Raise MissingLibraryError if no OpenGL library can be loaded; `what` are things to draw."""
     if missing := missing_libraries():
         raise MissingLibraryError(
-            f"{' and '.join(missing)} not found: {what} an OpenGL library", cure=_INSTALL
+            f"{' and '.join(missing)} not found: {what} need OpenGL", cure=_INSTALL
         )
 
 
@@ -77,8 +76,8 @@ def uses_software_renderer() -> bool:
 
 #: Warning about a picture that is drawn without OpenGL.
 WITHOUT_OPENGL = (
-    "drawn without OpenGL, whose libraries were not found; cloths of very many yarns and "
-    f'"spacemap serve" need them. {_INSTALL}'
+    "OpenGL libraries were not found: pictures are drawn without them; cloths of very many yarns "
+    f'and "spacemap serve" need them. {_INSTALL}'
 )
 
 

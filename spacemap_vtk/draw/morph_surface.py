@@ -57,69 +57,75 @@ from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import CAMERAS, View
 
-#: Default tolerance: _OF_YARN as a share of the thinnest yarn's diameter, or _OF_SIZE as a share of
-#: the size of an object without yarns.
-_OF_YARN, _OF_SIZE = 0.02, 2e-4
+#: Default tolerance as a share of the thinnest yarn's diameter.
+_YARN_TOLERANCE = 0.02
+#: Default tolerance as a share of the size of an object without yarns.
+_SIZE_TOLERANCE = 2e-4
 #: Least tolerance as a share of the largest coordinate, because of rounding.
 _ROUNDING = 2.0**-21
 #: Largest number of attempts on one stage, with smaller and smaller tolerances: the error of the
 #: fabric can be larger than the error of the cage.
 _TRIES = 4
-#: Animation of a mode. _AMPLITUDE: largest displacement as a share of the cage's longest side.
-#: _PERIOD: duration of a period in s. _STEPS: number of steps of a period.
-_AMPLITUDE, _PERIOD, _STEPS = 0.1, 1.2, 24
-#: Resolution with which equal points are found. _PLACES: number of steps over the object's size, up
-#: to 21 bits. _DIRECTIONS: number of steps over the unit length of a normal.
-_PLACES, _DIRECTIONS = 2**19, 100
-#: _TOGETHER: number of frames whose normals are summed together. _PART: number of points in a block
-#: of this sum.
-_TOGETHER, _PART = 8, 2**14
+#: Largest displacement of an animated mode, as a share of the cage's longest side.
+_AMPLITUDE = 0.1
+#: Duration of a period of an animated mode, in s.
+_PERIOD = 1.2
+#: Number of steps of a period.
+_STEPS = 24
+#: Equal points are found with this number of steps over the object's size, up to 21 bits.
+_POSITION_STEPS = 2**19
+#: Equal normals are found with this number of steps over the unit length.
+_NORMAL_STEPS = 100
+#: Number of frames whose normals are summed together.
+_FRAMES_PER_SUM = 8
+#: Number of points in a block of this sum.
+_POINTS_PER_BLOCK = 2**14
 #: Size of a file in bytes from which on the user is warned before it is made.
-_LARGE = 2**26
+_LARGE_FILE = 2**26
 #: Number of points from which on targets are quantised to save space.
 _MANY_POINTS = 100_000
 #: Advice for a smaller file: of a still surface, and below of a motion and of modes.
-_COARSER = "Lower --subdivisions (surface.subdivisions), or weave.ends and weave.picks."
-_SMALLER = {
+_COARSER_SURFACE = "Lower --subdivisions (surface.subdivisions), or weave.ends and weave.picks."
+_SMALLER_FILE = {
     "tolerance": SMALLER_FILE_CURE,
-    "modes": "Take fewer modes (modal.modes), or lower --subdivisions.",
+    "modes": "Use fewer modes (modal.modes), or lower --subdivisions.",
 }
 #: Normal of points without a normal.
-_NOWHERE = np.array([0.0, 0.0, 1.0], np.float32)
+_DEFAULT_NORMAL = np.array([0.0, 0.0, 1.0], np.float32)
 
 
 def make_moving_surface(
     scene: Scene,
     times: Sequence[float],
     tolerance: float | None,
-    tell: StepProgress,
+    report_progress: StepProgress,
     span: Span | None = None,
-    most: int = 2**32,
+    max_bytes: int = 2**32,
     numbers: bool = False,
     strands: str = "yarns",
     sides: int | None = 0,
-    say: MessageCallback | None = None,
+    warn: MessageCallback | None = None,
 ) -> MovingSurface:
     """Return a scene's surface at the first of the times, with its motion over all of them."""
     # With a single time, colours may be those of a scale with the ends `span`. With `numbers`, the
-    # numbers that colours show are recorded at all times. `most` limits the size in bytes, in
+    # numbers that colours show are recorded at all times. `max_bytes` limits the size, in
     # single precision. Patches are subdivided by `sides`; 0: as much as the file's size permits;
     # None: as in a picture.
-    say = say or scene.warn
-    tell(0, 2 * len(times))
-    lasts = scene.moves and len(times) > 1
-    if lasts and not numbers:
+    warn = warn or scene.warn
+    report_progress(0, 2 * len(times))
+    moves = scene.moves and len(times) > 1
+    if moves and not numbers:
         _use_constant_colors(scene)
     if sides is not None:
-        _subdivide(scene, sides, say)
-    _require_patches(scene, most)
+        _subdivide(scene, sides, warn)
+    _require_patches(scene, max_bytes)
     scene.update(times[0])
-    still, rows = _make_still_surface(scene, scene.polygons, most, span, numbers)
-    seen = SurfaceRecorder(scene, rows, len(times) if lasts else 1, numbers, strands)
-    if not lasts:
-        seen.record(0)
-        return replace(still, curves=seen.curves, numbers=seen.numbers)
-    usual, tolerance = tolerance is None, still.tolerance if tolerance is None else tolerance
+    still, rows = _make_still_surface(scene, scene.polygons, max_bytes, span, numbers)
+    recorder = SurfaceRecorder(scene, rows, len(times) if moves else 1, numbers, strands)
+    if not moves:
+        recorder.record(0)
+        return replace(still, curves=recorder.curves, numbers=recorder.numbers)
+    is_default, tolerance = tolerance is None, still.tolerance if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
     if tolerance < least:
         raise _tolerance_error(tolerance, least)
@@ -127,31 +133,37 @@ def make_moving_surface(
     for stage in _linear_stages(scene):
         # For large surfaces, a part of the tolerance is reserved for quantisation.
         large = _is_large(still)
-        places, aim = _displacements(scene, stage, times, tell), tolerance * (0.9 if large else 1.0)
+        target_error = tolerance * (0.9 if large else 1.0)
+        displacements = _displacements(scene, stage, times, report_progress)
         for _ in range(_TRIES):
             scene.update(times[0])
-            found = find_morph_targets(places, aim)
-            cut = usual and len(found.shapes) > (room := max(8, 2 * _LARGE // (12 * len(rows))))
-            if cut:
-                count = len(found.shapes)
-                say(f"{room} of {count} targets are taken: all would be too large (--tolerance)")
-                found = found._replace(shapes=found.shapes[:room], weights=found.weights[:, :room])
-            targets = _surface_targets(scene, stage, found.shapes, still, rows, most, say)[0]
-            weights = found.weights.astype(np.float32)
+            sums = find_morph_targets(displacements, target_error)
+            max_targets = max(8, 2 * _LARGE_FILE // (12 * len(rows)))
+            truncated = is_default and len(sums.shapes) > max_targets
+            if truncated:
+                warn(
+                    f"{max_targets} of {len(sums.shapes)} targets are written, because the file "
+                    "would be too large; set --tolerance to write all that it needs"
+                )
+                sums = sums._replace(
+                    shapes=sums.shapes[:max_targets], weights=sums.weights[:, :max_targets]
+                )
+            targets = _surface_targets(scene, stage, sums.shapes, still, rows, max_bytes, warn)[0]
+            weights = sums.weights.astype(np.float32)
             error, normals = _compare_frames(
-                scene, times, still, rows, targets, weights, seen, tell
+                scene, times, still, rows, targets, weights, recorder, report_progress
             )
-            if error <= tolerance or cut:
-                tolerance = max(tolerance, 1.1 * error) if cut else tolerance
+            if error <= tolerance or truncated:
+                tolerance = max(tolerance, 1.1 * error) if truncated else tolerance
                 # Playback times: a film may be slower or faster than the motion.
                 seconds = (np.array(times) - times[0]) / scene.animation.speed
                 clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
-                short, more = None, 0.0
+                quantized, quantization_error = None, 0.0
                 if large and len(targets):
-                    short, more = quantise_targets(targets, normals, weights)
-                if error + more > tolerance:
-                    short, more = None, 0.0
-                error += more
+                    quantized, quantization_error = quantise_targets(targets, normals, weights)
+                if error + quantization_error > tolerance:
+                    quantized, quantization_error = None, 0.0
+                error += quantization_error
                 about = {"targets": len(targets), "tolerance": tolerance, "largest_error": error}
                 return replace(
                     still,
@@ -159,31 +171,31 @@ def make_moving_surface(
                     normal_targets=normals,
                     target_names=[f"shape {k}" for k in range(len(targets))],
                     clips=[clip],
-                    curves=seen.curves,
-                    numbers=seen.numbers,
-                    quantised=short,
+                    curves=recorder.curves,
+                    numbers=recorder.numbers,
+                    quantised=quantized,
                     tolerance=tolerance,
                     metadata={**still.metadata, **about, "frames": len(times)},
                 )
-            aim *= 0.5 * tolerance / error
+            target_error *= 0.5 * tolerance / error
     raise _tolerance_error(tolerance, 2.0 * error)
 
 
 def make_mode_surface(
     scene: Scene,
-    tell: StepProgress,
-    most: int = 2**32,
+    report_progress: StepProgress,
+    max_bytes: int = 2**32,
     sides: int = 0,
-    say: MessageCallback | None = None,
+    warn: MessageCallback | None = None,
 ) -> MovingSurface:
     """Return a scene's surface in equilibrium, with a target and a clip for each mode."""
-    say = say or scene.warn
+    warn = warn or scene.warn
     _use_constant_colors(scene)
-    _subdivide(scene, sides, say)
-    _require_patches(scene, most)
+    _subdivide(scene, sides, warn)
+    _require_patches(scene, max_bytes)
     scene.assign("warp", "carried", "")  # modes have no velocity to interpolate
     figures = report_modes(scene)["modes"]
-    tell(0, len(figures))
+    report_progress(0, len(figures))
     stage, solver = scene.cage_stage, scene.stage("solver")
     assert solver is not None
     cage = shallow_copy(solver.output)
@@ -192,20 +204,20 @@ def make_mode_surface(
     shapes = np.array([array_of(data, name, "a mode's shape") for name in names])
     largest = _AMPLITUDE * np.ptp(points, axis=0).max()
     shapes *= largest / np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
-    hung = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
-    add_array(data, "displacement", hung)
-    still, rows = _make_still_surface(scene, _run_later_stages(scene, stage, cage), most)
-    targets, normals = _surface_targets(scene, stage, shapes, still, rows, most, say, cage)
+    equilibrium = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
+    add_array(data, "displacement", equilibrium)
+    still, rows = _make_still_surface(scene, _run_later_stages(scene, stage, cage), max_bytes)
+    targets, normals = _surface_targets(scene, stage, shapes, still, rows, max_bytes, warn, cage)
     frequencies = [mode["frequency_hz"] for mode in figures]
     labels = [f"mode {k} {frequency:.4g} Hz" for k, frequency in enumerate(frequencies, 1)]
     seconds = np.linspace(0.0, _PERIOD, _STEPS + 1)
     swing = np.sin(2 * np.pi * seconds / _PERIOD)
     clips = [
-        Clip(label, seconds, swing[:, None] * one, speed=1.0 / (f * _PERIOD) if f > 0.0 else 1.0)
-        for label, f, one in zip(labels, frequencies, np.eye(len(labels)), strict=True)
+        Clip(label, seconds, swing[:, None] * unit, speed=1.0 / (f * _PERIOD) if f > 0.0 else 1.0)
+        for label, f, unit in zip(labels, frequencies, np.eye(len(labels)), strict=True)
     ]
     about = {"modes": [{"frequency_hz": frequency} for frequency in frequencies]}
-    tell(len(figures), len(figures))
+    report_progress(len(figures), len(figures))
     return replace(
         still,
         targets=targets,
@@ -222,7 +234,7 @@ def _is_large(still: MovingSurface) -> bool:
 
 def _tolerance_error(tolerance: float, least: float) -> InputError:
     return InputError(
-        "no number of targets, in single precision, brings the surface so near to its motion",
+        "the tolerance is too small for the single precision of the file",
         key="tolerance",
         value=f"{tolerance:g} m",
         allowed=f"{least:.1e} m or more",
@@ -235,23 +247,26 @@ def _linear_stages(scene: Scene) -> list[Stage]:
 
 
 def _displacements(
-    scene: Scene, stage: Stage, times: Sequence[float], tell: StepProgress
+    scene: Scene, stage: Stage, times: Sequence[float], report_progress: StepProgress
 ) -> AnyFloats:
     """Return the displacements of a stage's points since the first time, (T, n, 3)."""
-    found: AnyFloats = np.empty(0)
+    displacements: AnyFloats = np.empty(0)
     for number, time in enumerate(times):
         scene.update_stage(stage, time)
-        now = _moving_array(stage, stage.output)
+        values = _moving_array(stage, stage.output)
         if not number:
             # Large motions are stored in single precision, whose rounding is far below tolerances.
-            kind = np.float64 if len(times) * now.size < 2**22 else np.float32
+            kind = np.float64 if len(times) * values.size < 2**22 else np.float32
             # The targets that are made of it need memory too.
-            size = (np.dtype(kind).itemsize + 4) * len(times) * now.size
-            require_memory(size, f"the motion at {len(times)} times", cure="Take fewer of them.")
-            found, first = np.empty((len(times), *now.shape), kind), now.astype(np.float64)
-        np.subtract(now, first, out=found[number], casting="same_kind")
-        tell(number + 1, 2 * len(times))
-    return found
+            size = (np.dtype(kind).itemsize + 4) * len(times) * values.size
+            require_memory(size, f"the motion at {len(times)} times", cure="Use fewer times.")
+            displacements, first = (
+                np.empty((len(times), *values.shape), kind),
+                values.astype(np.float64),
+            )
+        np.subtract(values, first, out=displacements[number], casting="same_kind")
+        report_progress(number + 1, 2 * len(times))
+    return displacements
 
 
 def _moving_array(stage: Stage, data: Any) -> NDArray[Any]:
@@ -263,10 +278,10 @@ def _moving_array(stage: Stage, data: Any) -> NDArray[Any]:
 
 def _run_later_stages(scene: Scene, stage: Stage, data: Any) -> vtkPolyData:
     """Return the surface that the later stages make if `data` replaces a stage's output."""
-    made = {"object": scene.object_at_rest.output, stage.makes: data}
+    results = {"object": scene.object_at_rest.output, stage.makes: data}
     for each in scene.stages[scene.stages.index(stage) + 1 :]:
-        made[each.makes] = each(*(made[kind] for kind in each.takes))
-    return made["object"]
+        results[each.makes] = each(*(results[kind] for kind in each.takes))
+    return results["object"]
 
 
 def _surface_targets(
@@ -275,46 +290,50 @@ def _surface_targets(
     shapes: Floats,
     still: MovingSurface,
     rows: AnyInts,
-    most: int,
-    say: MessageCallback,
+    max_bytes: int,
+    warn: MessageCallback,
     data: Any = None,
 ) -> tuple[Singles, Singles | None]:
     """Return displacements of surface and normals for a stage's shapes, by central differences."""
     kinds = 1 if still.normals is None else 2
     size = 12 * kinds * len(shapes) * len(still.points)
     what = f"{len(shapes)} targets of {len(still.points)} points"
-    cure = _SMALLER["tolerance" if data is None else "modes"]
-    _require_file_size(12 * kinds * len(still.points) + size, what, most, cure)
-    if size > _LARGE:
-        whole = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
-        less = "with fewer --subdivisions, a larger --tolerance, or a smaller --fps less"
-        say(f"{what} make up to {whole / 1e6:.0f} MB; {less}")
+    cure = _SMALLER_FILE["tolerance" if data is None else "modes"]
+    _require_file_size(12 * kinds * len(still.points) + size, what, max_bytes, cure)
+    if size > _LARGE_FILE:
+        file_size = 12 * kinds * len(still.points) + 12 * len(still.triangles) + size
+        warn(
+            f"{what} need up to {file_size / 1e6:.0f} MB; for a smaller file use fewer "
+            "--subdivisions, a larger --tolerance or a smaller --fps"
+        )
     # Targets of many points are also stored in quantised form: nine bytes for each 24.
-    few = 3 * size // 8 if data is None and _is_large(still) else 0
-    require_memory(size + few + frame_bytes(len(still.points)), what, cure=cure)
+    quantized_size = 3 * size // 8 if data is None and _is_large(still) else 0
+    require_memory(size + quantized_size + frame_bytes(len(still.points)), what, cure=cure)
     # For a motion, `_compare_frames` computes the targets of normals from the frames.
-    faces = data is not None and still.normals is not None
+    with_normals = data is not None and still.normals is not None
     data = stage.output if data is None else data
-    at = _moving_array(stage, data).astype(np.float64)
+    center = _moving_array(stage, data).astype(np.float64)
     targets = np.empty((len(shapes), *still.points.shape), np.float32)
-    turned = np.empty_like(targets) if faces else None
+    normal_targets = np.empty_like(targets) if with_normals else None
     for number, shape in enumerate(shapes):
         ends = []
         for side in (1.0, -1.0):
             moved = shallow_copy(data)
             if stage.makes == "cage":
-                add_array(moved.GetPointData(), "displacement", at + side * shape)
+                add_array(moved.GetPointData(), "displacement", center + side * shape)
             else:
-                moved.SetPoints(to_points(at + side * shape))
-            ends.append(_points_and_normals(_run_later_stages(scene, stage, moved), rows, faces))
-        (there, facing), (back, away) = ends
-        np.subtract(there, back, out=targets[number])
-        if turned is not None and facing is not None and away is not None:
-            np.subtract(facing, away, out=turned[number])
+                moved.SetPoints(to_points(center + side * shape))
+            ends.append(
+                _points_and_normals(_run_later_stages(scene, stage, moved), rows, with_normals)
+            )
+        (forward, normals_forward), (back, normals_back) = ends
+        np.subtract(forward, back, out=targets[number])
+        if normal_targets is not None and normals_forward is not None and normals_back is not None:
+            np.subtract(normals_forward, normals_back, out=normal_targets[number])
     targets *= 0.5
-    if turned is not None:
-        turned *= 0.5
-    return targets, turned
+    if normal_targets is not None:
+        normal_targets *= 0.5
+    return targets, normal_targets
 
 
 def _compare_frames(
@@ -324,60 +343,64 @@ def _compare_frames(
     rows: AnyInts,
     targets: Singles,
     weights: Singles,
-    seen: SurfaceRecorder,
-    tell: StepProgress,
+    recorder: SurfaceRecorder,
+    report_progress: StepProgress,
 ) -> tuple[float, Singles | None]:
     """Return the largest distance between sum of targets and surface, and normals' targets."""
-    error, turned = 0.0, None if still.normals is None else np.zeros_like(targets)
+    error, normal_targets = 0.0, None if still.normals is None else np.zeros_like(targets)
     # Least squares fit of the normals over time; it is this simple because weights are orthogonal.
-    shares = weights / np.square(weights).sum(axis=0)
-    waiting = np.empty((min(_TOGETHER, len(times)), *still.points.shape), np.float32)
+    fit = weights / np.square(weights).sum(axis=0)
+    normal_changes = np.empty((min(_FRAMES_PER_SUM, len(times)), *still.points.shape), np.float32)
     for number, time in enumerate(times):
         scene.update(time)
-        seen.record(number)
-        points, normals = _points_and_normals(scene.polygons, rows, turned is not None)
+        recorder.record(number)
+        points, normals = _points_and_normals(scene.polygons, rows, normal_targets is not None)
         off = points - still.points - np.tensordot(weights[number], targets, 1)
         error = max(error, float(np.sqrt(np.einsum("nk,nk->n", off, off).max())))
-        if turned is not None and normals is not None and still.normals is not None:
-            last = number % len(waiting)
-            np.subtract(normals, still.normals, out=waiting[last])
-            if last == len(waiting) - 1 or number == len(times) - 1:
-                rows_now = shares[number - last : number + 1]
-                for part in blocks(len(points), _PART):  # blocks avoid a copy of all targets
-                    turned[:, part] += np.tensordot(rows_now, waiting[: last + 1, part], (0, 0))
-        tell(len(times) + number + 1, 2 * len(times))
-    return error, turned
+        if normal_targets is not None and normals is not None and still.normals is not None:
+            last = number % len(normal_changes)
+            np.subtract(normals, still.normals, out=normal_changes[last])
+            if last == len(normal_changes) - 1 or number == len(times) - 1:
+                rows_now = fit[number - last : number + 1]
+                for part in blocks(
+                    len(points), _POINTS_PER_BLOCK
+                ):  # blocks avoid a copy of all targets
+                    normal_targets[:, part] += np.tensordot(
+                        rows_now, normal_changes[: last + 1, part], (0, 0)
+                    )
+        report_progress(len(times) + number + 1, 2 * len(times))
+    return error, normal_targets
 
 
 def _points_and_normals(
-    surface: vtkPolyData, rows: AnyInts, faces: bool = True
+    surface: vtkPolyData, rows: AnyInts, with_normals: bool = True
 ) -> tuple[Singles, Singles | None]:
     """Return the points of a surface that are written, and their unit normals if wanted."""
-    normals = surface.GetPointData().GetNormals() if faces else None
+    normals = surface.GetPointData().GetNormals() if with_normals else None
     points = points_of(surface)[rows].astype(np.float32, copy=False)
     if normals is None:
         return points, None
-    facing = vtk_to_numpy(normals)[rows].astype(np.float32, copy=False)
-    lengths = np.linalg.norm(facing, axis=1, keepdims=True)
-    return points, np.where(lengths > 0.0, facing / np.maximum(lengths, 1e-30), _NOWHERE)
+    chosen = vtk_to_numpy(normals)[rows].astype(np.float32, copy=False)
+    lengths = np.linalg.norm(chosen, axis=1, keepdims=True)
+    return points, np.where(lengths > 0.0, chosen / np.maximum(lengths, 1e-30), _DEFAULT_NORMAL)
 
 
-def _subdivide(scene: Scene, sides: int, say: MessageCallback) -> None:
+def _subdivide(scene: Scene, sides: int, warn: MessageCallback) -> None:
     """Set the subdivisions of patches as given, or as in the scene if the file permits."""
     cloth = DrawnCloth.from_scene(scene)
     if cloth is not None and scene.stages[-1] is scene.surface:
         usual = scene.surface.sides
         chosen = sides or sides_in_file(cloth, usual)
         if not sides and chosen < usual:
-            say(
-                f"patches are subdivided by {chosen}, not by {usual} as a picture's: "
-                f"{cloth.patches * usual**2 / 1e6:.1f} million points would be many to show "
-                f"(--subdivisions {usual})"
+            warn(
+                f"patches are subdivided by {chosen}, not by {usual} as in pictures, because "
+                f"{cloth.patches * usual**2 / 1e6:.1f} million points would be slow to show; "
+                f"--subdivisions {usual} writes them all"
             )
         scene.assign("surface", "subdivisions", chosen)
 
 
-def _require_patches(scene: Scene, most: int) -> None:
+def _require_patches(scene: Scene, max_bytes: int) -> None:
     """Raise an error if a weave would not fit into memory or a file, before it is made."""
     cloth = DrawnCloth.from_scene(scene)
     if cloth is None or scene.stages[-1] is not scene.surface:
@@ -386,11 +409,11 @@ def _require_patches(scene: Scene, most: int) -> None:
     points, quads = cloth.patches * (sides + 1) ** 2, cloth.patches * sides**2
     # Closed tubes have as many points as quadrilaterals, after coincident points are merged.
     least = int(0.9 * quads)
-    _require_file_size(24 * least + 24 * quads, f"{least} points", most, _COARSER)
+    _require_file_size(24 * least + 24 * quads, f"{least} points", max_bytes, _COARSER_SURFACE)
     require_memory(
         patch_bytes(scene, cloth.patches) + mesh_bytes(points),
         f"a surface of {points / 1e6:.3g} million points, as triangles with colours,",
-        cure=_COARSER,
+        cure=_COARSER_SURFACE,
     )
 
 
@@ -398,21 +421,28 @@ def _use_constant_colors(scene: Scene) -> None:
     """Replace colours that change with time by the scene's own colours, with a warning."""
     color = scene.view.color
     if COLORINGS[color].shows_numbers:
-        scene.warn(f'colours of "{color}" change with time, which they cannot here: own ones stay')
+        scene.warn(
+            f'colours of "{color}" change with time, which this file cannot store: '
+            "the fabric's own colours are written"
+        )
         scene.assign("view", "color", "own")
 
 
-def _require_file_size(size: int, what: str, most: int, cure: str) -> None:
-    if size > most:
+def _require_file_size(size: int, what: str, max_bytes: int, cure: str) -> None:
+    if size > max_bytes:
         raise SizeError(
-            f"{what} do not fit into a file: in single precision they take {size / 2**30:.2g} GiB",
-            allowed=f"up to {most // 2**30} GiB",
+            f"{what} need {size / 2**30:.2g} GiB in single precision, too much for one file",
+            allowed=f"up to {max_bytes // 2**30} GiB",
             cure=cure,
         )
 
 
 def _make_still_surface(
-    scene: Scene, surface: vtkPolyData, most: int, span: Span | None = None, numbers: bool = False
+    scene: Scene,
+    surface: vtkPolyData,
+    max_bytes: int,
+    span: Span | None = None,
+    numbers: bool = False,
 ) -> tuple[MovingSurface, AnyInts]:
     """Return a surface without its motion, and the indices of its points that are written."""
     require_writer_memory(
@@ -429,35 +459,35 @@ def _make_still_surface(
         shown = COLORINGS[color]
         about["colors"] = f"{shown.label}, {low:g} to {high:g} {shown.unit}"
     # Points of different materials are not merged, so that materials do not blend.
-    look: AnyInts = (
+    material: AnyInts = (
         parts.astype(np.int64)[:, None] if of_points else np.column_stack([parts, colors])
     )
     if numbers and surface.GetCellData().HasArray(COLORINGS[color].array or " "):
         # Points of different cells are not merged either, so that cells' numbers do not blend.
-        look = np.arange(surface.GetNumberOfCells())[:, None]
-    kinds = np.unique(look, axis=0, return_inverse=True)[1].reshape(-1, 1)[cells]
-    del look
-    one = _first_equal_points(points, normals, colors if of_points else None)
-    keys, places = np.unique(kinds * len(points) + one[triangles], return_inverse=True)
+        material = np.arange(surface.GetNumberOfCells())[:, None]
+    materials = np.unique(material, axis=0, return_inverse=True)[1].reshape(-1, 1)[cells]
+    del material
+    first_equal = _first_equal_points(points, normals, colors if of_points else None)
+    keys, places = np.unique(materials * len(points) + first_equal[triangles], return_inverse=True)
     rows, triangles = keys % len(points), places.reshape(-1, 3)
     cell = np.empty(len(rows), np.int64)
     cell[triangles] = cells[:, None]
     size = 24 * len(rows) + 12 * len(triangles)
-    _require_file_size(size, f"{len(rows)} points", most, _COARSER)
+    _require_file_size(size, f"{len(rows)} points", max_bytes, _COARSER_SURFACE)
     points, normals = _points_and_normals(surface, rows)
     first, second, third = points[triangles].transpose(1, 0, 2)
     if normals is not None:
         across = np.cross(second - first, third - first)
-        back = np.einsum("nk,nk->n", across, normals[triangles].sum(axis=1)) < 0.0
-        triangles[back] = triangles[back][:, ::-1]
-    twice = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+        reversed_ = np.einsum("nk,nk->n", across, normals[triangles].sum(axis=1)) < 0.0
+        triangles[reversed_] = triangles[reversed_][:, ::-1]
+    degenerate = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
     still = MovingSurface(
         scene.title,
         points,
         np.empty((0, *points.shape), np.float32),
         normals,
         None if normals is None else np.empty((0, *points.shape), np.float32),
-        triangles[~twice],
+        triangles[~degenerate],
         colors[rows if of_points else cell],
         parts[cell],
         names,
@@ -469,15 +499,15 @@ def _make_still_surface(
 
 
 def _initial_view(scene: Scene) -> InitialView:
-    view, look, usual = scene.view, scene.view.resolved_style, View().resolved_style
+    view, style, default = scene.view, scene.view.resolved_style, View().resolved_style
     shadows = view.shadows and not COLORINGS[view.color].shows_numbers
-    back = f"#{bytes(look.bottom_color).hex()}", f"#{bytes(look.top_color).hex()}"
-    own = (
-        back
-        if (look.bottom_color, look.top_color) != (usual.bottom_color, usual.top_color)
+    colors = f"#{bytes(style.bottom_color).hex()}", f"#{bytes(style.top_color).hex()}"
+    background = (
+        colors
+        if (style.bottom_color, style.top_color) != (default.bottom_color, default.top_color)
         else None
     )
-    return InitialView(CAMERAS, camera_of(scene), view.zoom, own, relief_of(scene), shadows)
+    return InitialView(CAMERAS, camera_of(scene), view.zoom, background, relief_of(scene), shadows)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:
@@ -491,7 +521,7 @@ def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:
     cutter.Update()
     cut = cutter.GetOutput()
     if not cut.GetNumberOfPolys():
-        raise InputError("there is no polygon to write", key="what", cure="Write a .vtu.")
+        raise InputError("the object has no polygons", key="what", cure="Export it to a .vtu file.")
     corners = vtk_to_numpy(cut.GetPolys().GetConnectivityArray()).reshape(-1, 3)
     return corners.astype(np.int64), vtk_to_numpy(cut.GetCellData().GetArray("cell"))
 
@@ -508,8 +538,8 @@ def _parts_and_colors(
     if color in CLASSES and cells.GetArray(color) is not None:
         table = rgb_table(CLASSES[color])
         return names, parts, table[vtk_to_numpy(cells.GetArray(color)) % len(table)], False
-    if scene.picture is not None:
-        scene.warn("the picture that the object is painted with is not written")
+    if scene.painting is not None:
+        scene.warn("the object's texture image is not written")
     own = own_colors(surface)
     if own is None:
         plain = np.array(scene.view.object_color, np.uint8)
@@ -523,26 +553,26 @@ def _first_equal_points(points: Singles, normals: Singles | None, colors: Bytes 
     """Return for each point the first point with the same position, normal and colour."""
     # Neighbouring patches have separate points on their common border, although the surface is
     # smooth there.
-    look = np.zeros(len(points), np.int64)
-    for value in () if normals is None else np.round(_DIRECTIONS * normals.T):
-        look = 256 * look + _DIRECTIONS + value.astype(np.int64)
+    appearance = np.zeros(len(points), np.int64)
+    for value in () if normals is None else np.round(_NORMAL_STEPS * normals.T):
+        appearance = 256 * appearance + _NORMAL_STEPS + value.astype(np.int64)
     for value in () if colors is None else colors.T:
-        look = 256 * look + value
+        appearance = 256 * appearance + value
     size = float(np.ptp(points, axis=0).max()) or 1.0
-    scaled = (points - points.min(axis=0)) * (_PLACES / size)
-    one = np.arange(len(points))
+    scaled = (points - points.min(axis=0)) * (_POSITION_STEPS / size)
+    first_equal = np.arange(len(points))
     for shift in (0.25, 0.75):  # two grids, in case rounding puts equal points into two cells
-        x, y, z = (scaled[one] + shift).astype(np.int64).T
+        x, y, z = (scaled[first_equal] + shift).astype(np.int64).T
         place = (x << 42) + (y << 21) + z
-        order = np.lexsort((one, look, place))
-        same = (np.diff(place[order]) == 0) & (np.diff(look[order]) == 0)
+        order = np.lexsort((first_equal, appearance, place))
+        same = (np.diff(place[order]) == 0) & (np.diff(appearance[order]) == 0)
         first = np.where(np.concatenate(([False], same)), 0, np.arange(len(order)))
-        one[order] = one[order[np.maximum.accumulate(first)]]
-    return one
+        first_equal[order] = first_equal[order[np.maximum.accumulate(first)]]
+    return first_equal
 
 
 def _default_tolerance(scene: Scene) -> float:
     """Return a tolerance [m] that is too small to be seen."""
     if scene.textile is not None:
-        return _OF_YARN * float(scene.textile.yarn_diameters.min())
-    return _OF_SIZE * float(np.ptp(points_of(scene.polygons), axis=0).max())
+        return _YARN_TOLERANCE * float(scene.textile.yarn_diameters.min())
+    return _SIZE_TOLERANCE * float(np.ptp(points_of(scene.polygons), axis=0).max())

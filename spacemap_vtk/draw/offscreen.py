@@ -78,12 +78,12 @@ class OffscreenWindow:
         self.render()
         return self.pixels()
 
-    def render(self, front: bool = True, over: bool = False) -> None:
+    def render(self, front: bool = True, keep: bool = False) -> None:
         """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
         if self.front is not None:
             self.front.SetDraw(front)
-        self.renderer.SetPreserveColorBuffer(over)
-        self.renderer.SetPreserveDepthBuffer(over)
+        self.renderer.SetPreserveColorBuffer(keep)
+        self.renderer.SetPreserveDepthBuffer(keep)
         # With one sample per pixel, the picture is read from the buffer in which it is drawn, so no
         # swap is needed.
         self.render_window.SetSwapBuffers(self._is_multisampled)
@@ -98,11 +98,11 @@ class OffscreenWindow:
         self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, self._pixels, 0)
         return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
-    def depths(self, over: bool = False) -> Singles:
+    def depths(self, second: bool = False) -> Singles:
         """Return OpenGL's depths, 1 where empty; the next call with this `over` overwrites them."""
         width, height = self.size
-        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depths[over])
-        return vtk_to_numpy(self._depths[over]).reshape(height, width)[::-1]
+        self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depths[second])
+        return vtk_to_numpy(self._depths[second]).reshape(height, width)[::-1]
 
     @property
     def _is_multisampled(self) -> bool:
@@ -114,9 +114,9 @@ class OffscreenWindow:
 
 
 def _make_window(size: tuple[int, int], samples: int, pixels: int) -> vtkRenderWindow:
-    with capture_vtk_messages() as said:
+    with capture_vtk_messages() as messages:
         window = vtkRenderWindow()
-    if "OSMesa not found" in said.GetOutput():  # VTK's last attempt failed, and it would crash
+    if "OSMesa not found" in messages.GetOutput():  # VTK's last attempt failed, and it would crash
         raise MissingLibraryError(NO_DRIVER, cure=INSTALL_DRIVERS)
     window.SetOffScreenRendering(True)
     if hasattr(window, "SetConnectContextToNSView"):

@@ -66,10 +66,11 @@ Extent = tuple[Floats, Span | None]
 
 #: Facets around a quarter of a yarn with which clearances are exact to about a hundredth of the
 #: yarn's diameter.
-_ROUND = 4
-#: _USUAL: height of a picture in which a point is one pixel. _LEAST: least size of a point in
-#: pixels.
-_USUAL, _LEAST = 960, 0.6
+_FINE_SIDES = 4
+#: Height of a picture in which a point is one pixel.
+_POINT_HEIGHT = 960
+#: Least size of a point, in pixels.
+_LEAST_POINT = 0.6
 
 
 class _Panel(NamedTuple):
@@ -126,10 +127,10 @@ class Picture:
         times: Sequence[float],
         size: tuple[int, int] | None = None,
         show: Sequence[str] = (),
-        place: Viewpoint | None = None,
+        viewpoint: Viewpoint | None = None,
         extent: Extent | None = None,
-        bare: bool = False,
-        clear: bool = False,
+        for_page: bool = False,
+        transparent: bool = False,
         wireframe: bool = False,
     ) -> None:
         # Checked first, so that a machine that cannot draw does not solve the scene in vain.
@@ -137,7 +138,11 @@ class Picture:
         if not opengl:
             scene.warn(WITHOUT_OPENGL)
         self._wireframe = wireframe
-        self._place, self._bare, self._clear = place, bare, bare or clear
+        self._viewpoint, self._for_page, self._transparent = (
+            viewpoint,
+            for_page,
+            for_page or transparent,
+        )
         self.scene = scene
         width, height = size or picture_size(scene)
         panels = panel_contents(scene, show)
@@ -146,25 +151,25 @@ class Picture:
         self.level = choose_level(scene, self._request, opengl=opengl)
         #: The cloth as a sheet; None if all yarns fit into memory together.
         self.sheet = ClothSheet(scene) if self.level.has_sheet else None
-        choose = partial(choose_picture_facets, scene, (width, height), show, place, bare)
-        room, self._span = extent or motion_extent(scene, times, self.sheet, choose)
+        choose = partial(choose_picture_facets, scene, (width, height), show, viewpoint, for_page)
+        points, self._span = extent or motion_extent(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, panel_widths(width, len(panels)), strict=True):
-            self.panels.append(self._make_panel(scene, panel, (w, height), room))
+            self.panels.append(self._make_panel(scene, panel, (w, height), points))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces: YarnPieces | None = None
-        self._choose_detail(room)
+        self._choose_detail(points)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
-    def _choose_detail(self, room: Floats) -> None:
+    def _choose_detail(self, points: Floats) -> None:
         """Choose the facets of yarns, or the sheet, by the size of yarns in the picture."""
         scene, panel = self.scene, self.panels[-1]
         cloth = DrawnCloth.from_scene(scene)
         if cloth is None:
             return
-        seen = CameraView.from_camera(panel.window.camera, panel.size)
-        self.level = _set_facets(scene, cloth, self.level, room, seen)
+        view = CameraView.from_camera(panel.window.camera, panel.size)
+        self.level = _set_facets(scene, cloth, self.level, points, view)
         if self.level.is_sampled:
             panel.window.set_samples(SAMPLES)
         if cloth.clearance:
@@ -180,10 +185,10 @@ class Picture:
 
     def _warn_of_few_facets(self) -> None:
         """Warn that clearances on few facets are rough, because each facet is flat."""
-        if (sides := self.scene.surface.sides) < _ROUND:
+        if (sides := self.scene.surface.sides) < _FINE_SIDES:
             self.scene.warn(
-                "distances between yarns are rough: in a picture of this size a yarn has "
-                f"{4 * sides} facets around; surface.subdivisions = {_ROUND} measures them finely"
+                f"clearances are approximate: at this picture size, yarns have only {4 * sides} "
+                f"facets around; set surface.subdivisions = {_FINE_SIDES} for accurate values"
             )
 
     def draw(self, time: float) -> Image:
@@ -208,40 +213,40 @@ class Picture:
         return np.concatenate([self._draw_panel(panel, frame) for panel in self.panels], axis=1)
 
     def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:
-        window, shown, look, shaded, behind, _ = panel
-        view, pieces = self.scene.view, self.pieces if look.fabric else None
-        shown.show(frame, view, look, self._span, self._cut)
+        window, scene_view, options, has_shadows, background, _ = panel
+        view, pieces = self.scene.view, self.pieces if options.fabric else None
+        scene_view.show(frame, view, options, self._span, self._cut)
         self._set_clipping_range(window, pieces)
         # The colours of a sheet include the contact shadows of its yarns.
-        shaded = shaded and (self.sheet is None or pieces is not None)
-        signs = shown.has_overlays
+        has_shadows = has_shadows and (self.sheet is None or pieces is not None)
+        has_overlays = scene_view.has_overlays
         # Signs and annotations are drawn after the solids have their shadows or all pieces.
-        over = pieces is not None or (shaded and signs)
-        others = (*shown.markers, shown.ghost, shown.ground, *shown.overlays)
-        later = [prop for prop in others if over and prop.GetVisibility()]
+        second_pass = pieces is not None or (has_shadows and has_overlays)
+        others = (*scene_view.markers, scene_view.ghost, scene_view.ground, *scene_view.overlays)
+        later = [prop for prop in others if second_pass and prop.GetVisibility()]
         for prop in later:
             prop.VisibilityOff()
         if pieces is not None:
-            shown.sheet.VisibilityOff()
-        window.render(front=not over)
+            scene_view.sheet.VisibilityOff()
+        window.render(front=not second_pass)
         if pieces is not None:
             assert self.sheet is not None
             width, height = window.size
             for piece in pieces.visible_pieces(
                 frame.time, self.sheet, window.camera, width / height
             ):
-                shown.replace_fabric(replace(frame, surface=piece, cloth=None, closed=True))
-                window.render(front=False, over=True)
-        depths = [window.depths()] if shaded else []
-        if over:
-            for solid in shown.solids:
+                scene_view.replace_fabric(replace(frame, surface=piece, cloth=None, closed=True))
+                window.render(front=False, keep=True)
+        depths = [window.depths()] if has_shadows else []
+        if second_pass:
+            for solid in scene_view.solids:
                 solid.VisibilityOff()
             for prop in later:
                 prop.VisibilityOn()
-            window.render(over=True)
-            depths += [window.depths(over)] if shaded and signs else []
-        shade = self._compute_shadows(panel, *depths) if depths else None
-        return compose(window.pixels(), behind, shade)
+            window.render(keep=True)
+            depths += [window.depths(second_pass)] if has_shadows and has_overlays else []
+        shadows = self._compute_shadows(panel, *depths) if depths else None
+        return compose(window.pixels(), background, shadows)
 
     def _set_clipping_range(
         self, window: OffscreenWindow | SoftwareWindow, pieces: YarnPieces | None
@@ -255,7 +260,7 @@ class Picture:
             window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
 
     def _compute_shadows(
-        self, panel: _Panel, depths: Singles, signs: Singles | None = None
+        self, panel: _Panel, depths: Singles, marker_depths: Singles | None = None
     ) -> Shadows | None:
         """Return the factors for the light of pixels, and their part of the picture; or None."""
         window, height = panel.window, len(depths)
@@ -264,49 +269,51 @@ class Picture:
         if box is None:
             return None
         depth = depths_to_metres(window.camera, depths[box])
-        shade = contact_shadows(
+        factors = contact_shadows(
             depth, self._relief, pixels, self.scene.view.resolved_style.occlusion
         )
-        if signs is not None:
-            # Signs are not objects of the scene: they neither cast nor receive shadows.
-            shade[signs[box] < depths[box]] = 1.0
+        if marker_depths is not None:
+            # Markers are not objects of the scene: they neither cast nor receive shadows.
+            factors[marker_depths[box] < depths[box]] = 1.0
         top, first = (side.start for side in box)
         for edges in panel.scene_view.annotations.boxes:
             left, low, right, high = map(round, edges)
             above, beside = max(height - high - top, 0), max(left - first, 0)
-            shade[above : max(height - low - top, 0), beside : max(right - first, 0)] = 1.0
-        return box, shade
+            factors[above : max(height - low - top, 0), beside : max(right - first, 0)] = 1.0
+        return box, factors
 
     def _make_panel(
         self, scene: Scene, panel: str, size: tuple[int, int], extent: Floats
     ) -> _Panel:
         view = scene.view
         fabric, cage = panel != "cage", panel != "fabric"
-        look = ViewOptions(fabric, cage, self._wireframe, scale=not self._bare)
-        shaded = look.occlusion(view, self._span) > 0.0
-        block, samples = supersampling(panel, shaded, size)
+        options = ViewOptions(fabric, cage, self._wireframe, scale=not self._for_page)
+        has_shadows = options.occlusion(view, self._span) > 0.0
+        block, samples = supersampling(panel, has_shadows, size)
         if self.level.method is DrawingMethod.SHADER:
             block, samples = 1, SAMPLES  # the shader takes many samples in each pixel
         window = open_offscreen((size[0] * block, size[1] * block), samples, block)
-        shown = SceneView(window.renderer, shades=True)
+        scene_view = SceneView(window.renderer, has_shadows=True)
         # Dots and lines scale with the picture, like text, but stay large enough to be seen.
-        point = block * max(_LEAST, size[1] / _USUAL) * view.line_scale
-        shown.fit(view, size, block, point)
-        shown.sheet.set_grain(block)
-        shown.floor = float(extent[:, camera_up_axis(camera_of(scene))].min())
+        point = block * max(_LEAST_POINT, size[1] / _POINT_HEIGHT) * view.line_scale
+        scene_view.fit(view, size, block, point)
+        scene_view.sheet.set_grain(block)
+        scene_view.floor = float(extent[:, camera_up_axis(camera_of(scene))].min())
         window.hide_background()
         if view.loads:
-            window.add_front_prop(shown.loads.pale_copy)
+            window.add_front_prop(scene_view.loads.pale_copy)
         # Panels side by side have the same scale, so each one leaves room for a colour scale.
-        room = 0.0 if self._span is None or self._bare else color_bar_share(size)
-        _place_camera(scene, window.camera, extent, (1 - room) * size[0] / size[1], self._place)
-        window.camera.SetWindowCenter(room, 0.0)
-        behind = gradient_background(
+        scale_width = 0.0 if self._span is None or self._for_page else color_bar_share(size)
+        _place_camera(
+            scene, window.camera, extent, (1 - scale_width) * size[0] / size[1], self._viewpoint
+        )
+        window.camera.SetWindowCenter(scale_width, 0.0)
+        background = gradient_background(
             size, view.resolved_style.bottom_color, view.resolved_style.top_color
         )
-        if self._clear:
-            behind = transparent_background(size)
-        return _Panel(window, shown, look, shaded, behind, size)
+        if self._transparent:
+            background = transparent_background(size)
+        return _Panel(window, scene_view, options, has_shadows, background, size)
 
     def close(self) -> None:
         """Close the windows and free their resources."""
@@ -315,59 +322,59 @@ class Picture:
 
 
 def _place_camera(
-    scene: Scene, camera: vtkCamera, room: Floats, aspect: float, place: Viewpoint | None
+    scene: Scene, camera: vtkCamera, points: Floats, aspect: float, viewpoint: Viewpoint | None
 ) -> None:
     """Place a camera as the scene requests, or at the given viewpoint."""
-    aim_camera(camera, room, aspect, camera_of(scene), scene.view.zoom)
-    if place is not None:
-        place.apply_to(camera)
+    aim_camera(camera, points, aspect, camera_of(scene), scene.view.zoom)
+    if viewpoint is not None:
+        viewpoint.apply_to(camera)
 
 
 def _set_facets(
-    scene: Scene, cloth: DrawnCloth, level: LevelOfDetail, room: Floats, seen: CameraView
+    scene: Scene, cloth: DrawnCloth, level: LevelOfDetail, points: Floats, view: CameraView
 ) -> LevelOfDetail:
     """Return the level of detail for points in a view, and set the scene's facets to it."""
-    scale = pixels_per_metre(seen.camera, room, seen.size[1])
-    found = level.at_scale(cloth, scale, seen.size)
-    choose_facets(scene.surface, found, seen)
-    return found
+    scale = pixels_per_metre(view.camera, points, view.size[1])
+    new_level = level.at_scale(cloth, scale, view.size)
+    choose_facets(scene.surface, new_level, view)
+    return new_level
 
 
 def choose_picture_facets(
     scene: Scene,
     size: tuple[int, int],
     show: Sequence[str],
-    place: Viewpoint | None,
-    bare: bool,
-    room: Floats,
+    viewpoint: Viewpoint | None,
+    for_page: bool,
+    points: Floats,
 ) -> bool:
     """Set the facets of a scene for a picture of the points; return whether yarns are visible."""
     cloth = DrawnCloth.from_scene(scene)
     if cloth is None:
         return False
     camera, width = vtkCamera(), panel_widths(size[0], len(panel_contents(scene, show)))[-1]
-    scaled = COLORINGS[scene.view.color].shows_numbers and not bare
-    share = color_bar_share((width, size[1])) if scaled else 0.0
-    _place_camera(scene, camera, room, (1 - share) * width / size[1], place)
+    has_scale = COLORINGS[scene.view.color].shows_numbers and not for_page
+    share = color_bar_share((width, size[1])) if has_scale else 0.0
+    _place_camera(scene, camera, points, (1 - share) * width / size[1], viewpoint)
     camera.SetWindowCenter(share, 0.0)
-    seen = CameraView.from_camera(camera, (width, size[1]))
-    return _set_facets(scene, cloth, LevelOfDetail(), room, seen).shows_yarns
+    view = CameraView.from_camera(camera, (width, size[1]))
+    return _set_facets(scene, cloth, LevelOfDetail(), points, view).shows_yarns
 
 
 def motion_extent(
     scene: Scene,
     times: Sequence[float],
     sheet: ClothSheet | None = None,
-    choose: Callable[[Floats], bool] | None = None,
+    choose_facets: Callable[[Floats], bool] | None = None,
 ) -> Extent:
     """Return points that span the scene's motion, (n, 3), and the ends of its scale."""
     # `choose` sets the facets for these points, and returns whether yarns are wide enough to be
     # seen. The ends of the scale are those of numbers on these facets.
     sheet = sheet or ClothSheet.make_if_needed(scene)
     # Nine times are enough for the extremes of a vibration, and take nine runs of the warp.
-    chosen = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
+    sampled_times = [times[i] for i in sorted(set(np.linspace(0, len(times) - 1, 9).astype(int)))]
     clouds: list[AnyFloats] = []
-    for time in chosen:
+    for time in sampled_times:
         if sheet is not None:
             clouds.append(points_of(sheet.deform_at(time)))
         else:
@@ -380,18 +387,22 @@ def motion_extent(
             clouds.append(moved_points(scene.deformed_cage))
     if scene.view.ghost:
         clouds.append(_thin_out(rest_points(scene.patches if sheet is None else sheet.moved)))
-    room = np.concatenate(clouds, dtype=np.float64)
+    points = np.concatenate(clouds, dtype=np.float64)
     if scene.view.ground:
-        up, shadow = camera_up_axis(camera_of(scene)), room.copy()
-        shadow[:, up] = room[:, up].min()
-        room = np.concatenate([room, shadow])
+        up, shadow = camera_up_axis(camera_of(scene)), points.copy()
+        shadow[:, up] = points[:, up].min()
+        points = np.concatenate([points, shadow])
     # Facets take longer than their motion, so they are made only after their number is chosen.
-    seen = choose is not None and choose(room)
-    if sheet is not None and seen:
+    yarns_visible = choose_facets is not None and choose_facets(points)
+    if sheet is not None and yarns_visible:
         sheet.sides = scene.surface.sides
-    numbered = COLORINGS[scene.view.color].shows_numbers
-    ends = [end for time in chosen for end in _value_range(scene, time, sheet)] if numbered else []
-    return room, natural_span(np.array(ends)) if ends else None
+    has_numbers = COLORINGS[scene.view.color].shows_numbers
+    ends = (
+        [end for time in sampled_times for end in _value_range(scene, time, sheet)]
+        if has_numbers
+        else []
+    )
+    return points, natural_span(np.array(ends)) if ends else None
 
 
 def _value_range(scene: Scene, time: float, sheet: ClothSheet | None) -> list[float]:
@@ -402,7 +413,7 @@ def _value_range(scene: Scene, time: float, sheet: ClothSheet | None) -> list[fl
     else:
         numbers = color_values(sheet.update(time), scene.view.color)
         if numbers is None:
-            numbers = sheet.crossings if sheet.ends is None else sheet.ends
+            numbers = sheet.crossings if sheet.extremes is None else sheet.extremes
     return [] if numbers is None else [float(numbers.min()), float(numbers.max())]
 
 

@@ -33,7 +33,7 @@ from spacemap_vtk.temporary_files import temporary_folder
 from spacemap_vtk.textile.geometry.strand_curves import StrandCurves, fibre_count
 
 #: Parameters of a view that ray tracing ignores.
-_DRAWN = [
+_IGNORED = [
     "color",
     "style",
     "clip_normal",
@@ -47,24 +47,33 @@ _DRAWN = [
 ]
 #: Number of passes of ray tracing; progress is reported after each.
 _PASSES = 8
-#: Parameters of hair. _ALONG, _AROUND: longitudinal and azimuthal roughness. _BOUNCES: largest
-#: number of scatterings. _TONES: number of tones of fibres of one colour. _TONE: relative
-#: difference in brightness from one tone to the next.
-_ALONG, _AROUND, _BOUNCES, _TONES, _TONE = 0.45, 0.6, 14, 3, 0.10
+#: Longitudinal roughness of fibres.
+_ALONG = 0.45
+#: Azimuthal roughness of fibres.
+_AROUND = 0.6
+#: Largest number of scatterings of a ray.
+_BOUNCES = 14
+#: Number of tones of fibres of one colour.
+_TONES = 3
+#: Relative difference in brightness from one tone to the next.
+_TONE_STEP = 0.10
 #: Strength of lamps relative to those that light surfaces: fibres absorb more light.
-_EXPOSED = 1.7
+_EXPOSURE = 1.7
 #: Exponent that saturates a fibre's colour relative to its yarn's, because white reflections of
 #: fibres make the colour paler.
-_FULLER = 1.3
+_SATURATION = 1.3
 #: Margin around the picture that is traced too, as a share of the picture: it casts shadows into
 #: the picture.
 _MARGIN = 0.15
-#: Bytes of memory. _MITSUBA: Mitsuba itself. _POINT: each control point, with its part of the
-#: acceleration structure (170 measured). _PIXEL: each pixel.
-_MITSUBA, _POINT, _PIXEL = 120_000_000, 190, 400
+#: Bytes that Mitsuba itself takes.
+_MITSUBA = 120_000_000
+#: Bytes of each control point, with its part of the acceleration structure (170 measured).
+_POINT = 190
+#: Bytes of each pixel.
+_PIXEL = 400
 #: Least width of a fibre in pixels. Yarns with thinner fibres get fewer and thicker ones, because
 #: thinner ones appear as noise.
-_NARROWEST = 0.7
+_LEAST_WIDTH = 0.7
 
 #: Installation of system libraries that Mitsuba's wheel needs but does not contain.
 _PACKAGES = {
@@ -78,7 +87,7 @@ def require_mitsuba() -> None:
     if find_spec("mitsuba") is None:
         raise MissingLibraryError(
             "--raytrace needs the package mitsuba",
-            cure="Run: pip install 'spacemap_vtk[raytrace]', or leave --raytrace out.",
+            cure="Run: pip install 'spacemap_vtk[raytrace]', or omit --raytrace.",
         )
     try:
         import_module("mitsuba")
@@ -90,38 +99,36 @@ def require_mitsuba() -> None:
         package = _PACKAGES.get(str(first).partition(":")[0])
         raise MissingLibraryError(
             f"--raytrace: mitsuba cannot be loaded: {first}",
-            cure=f"{package}, or leave --raytrace out." if package else "Leave --raytrace out.",
+            cure=f"{package}, or omit --raytrace." if package else "Omit --raytrace.",
         ) from None
 
 
 def raytrace(
-    scene: Scene, time: float, size: tuple[int, int], samples: int, tell: StepProgress
+    scene: Scene, time: float, size: tuple[int, int], samples: int, report_progress: StepProgress
 ) -> Image:
     """Return a picture of a scene's cloth at a time, traced with `samples` rays per pixel."""
     require_mitsuba()
     if scene.woven is None:
-        raise InputError(
-            "rays are traced from fibre to fibre, and this is no weave", key="raytrace"
-        )
-    asked, usual = scene.view.settings, View().settings
-    if left := [f"view.{key}" for key in _DRAWN if asked[key] != usual[key]]:
-        scene.warn(f"rays show fibres in their own colours, and nothing of {', '.join(left)}")
-    tell(0, _PASSES + 1)
+        raise InputError("ray tracing needs a woven fabric", key="raytrace")
+    requested, default = scene.view.settings, View().settings
+    if ignored := [f"view.{key}" for key in _IGNORED if requested[key] != default[key]]:
+        scene.warn(f"ray tracing ignores {', '.join(ignored)}")
+    report_progress(0, _PASSES + 1)
     scene.update(time)
     camera, aspect = vtkCamera(), size[0] / size[1]
     aim_camera(camera, motion_extent(scene, [time])[0], aspect, camera_of(scene), scene.view.zoom)
     curves, colors = _visible_fibres(scene, camera, size)
     require_memory(
         _MITSUBA + _POINT * len(curves.points) + _PIXEL * size[0] * size[1],
-        f"to trace {len(curves.counts)} fibres",
-        cure="Come nearer (view.zoom), or take a smaller picture.",
+        f"ray tracing {len(curves.counts)} fibres",
+        cure="Increase view.zoom, or draw a smaller picture.",
     )
-    tell(1, _PASSES + 1)
-    light = _trace(curves, colors, camera, size, samples, tell)
-    behind = gradient_background(
+    report_progress(1, _PASSES + 1)
+    light = _trace(curves, colors, camera, size, samples, report_progress)
+    background = gradient_background(
         size, scene.view.resolved_style.bottom_color, scene.view.resolved_style.top_color
     )
-    return _compose_light(light, np.asarray(behind))
+    return _compose_light(light, np.asarray(background))
 
 
 def _visible_fibres(
@@ -131,19 +138,19 @@ def _visible_fibres(
     assert scene.woven is not None
     cloth = scene.woven.cloth
 
-    def in_sight(places: NDArray[Any]) -> Bools:
-        seen = project_points(camera, places, size[0] / size[1])
-        edge = (1.0 + 2.0 * _MARGIN) * seen[:, 3]
-        return np.asarray((np.abs(seen[:, 0]) < edge) & (np.abs(seen[:, 1]) < edge))
+    def is_visible(places: NDArray[Any]) -> Bools:
+        clip = project_points(camera, places, size[0] / size[1])
+        edge = (1.0 + 2.0 * _MARGIN) * clip[:, 3]
+        return np.asarray((np.abs(clip[:, 0]) < edge) & (np.abs(clip[:, 1]) < edge))
 
     scale = pixels_per_metre(camera, points_of(scene.patches).astype(np.float64), size[1])
-    thick = scale * float(cloth.strands[2].mean())
-    fibres = min(fibre_count(cloth), max(20, round(0.75 * (thick / _NARROWEST) ** 2)))
-    yarns = YarnRecorder(scene, 1)
-    curves = yarns.strands(fibres, in_sight)
+    diameter_pixels = scale * float(cloth.strands[2].mean())
+    fibres = min(fibre_count(cloth), max(20, round(0.75 * (diameter_pixels / _LEAST_WIDTH) ** 2)))
+    recorder = YarnRecorder(scene, 1)
+    curves = recorder.strands(fibres, is_visible)
     if not len(curves.counts):
-        raise InputError("none of the cloth is in sight", key="zoom", value=scene.view.zoom)
-    return curves, to_linear_light(yarns.colors)[curves.yarn]
+        raise InputError("no part of the cloth is visible", key="zoom", value=scene.view.zoom)
+    return curves, to_linear_light(recorder.colors)[curves.yarn]
 
 
 def _trace(
@@ -152,7 +159,7 @@ def _trace(
     camera: vtkCamera,
     size: tuple[int, int],
     samples: int,
-    tell: StepProgress,
+    report_progress: StepProgress,
 ) -> Floats:
     """Return linear light and coverage of each pixel, (height, width, 4)."""
     import mitsuba as mi
@@ -178,8 +185,8 @@ def _trace(
     for number in range(passes):
         spp = samples * (number + 1) // passes - samples * number // passes
         total += spp * np.array(mi.render(world, spp=spp, seed=mi.UInt32(number)))[..., :4]
-        tell(2 + number * _PASSES // passes, _PASSES + 1)
-    tell(_PASSES + 1, _PASSES + 1)
+        report_progress(2 + number * _PASSES // passes, _PASSES + 1)
+    report_progress(_PASSES + 1, _PASSES + 1)
     return total / samples
 
 
@@ -188,13 +195,13 @@ def _shapes(
 ) -> dict[str, Any]:
     """Return one Mitsuba shape for each colour and tone of fibres."""
     tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
-    full = (colors * (1.0 + _TONE * tones[:, None])) ** _FULLER
+    full = (colors * (1.0 + _TONE_STEP * tones[:, None])) ** _SATURATION
     shown = np.round(np.clip(full, 0.004, 0.92), 3)
-    kinds, kind = np.unique(shown, axis=0, return_inverse=True)
+    materials, material = np.unique(shown, axis=0, return_inverse=True)
     starts = np.cumsum(curves.counts) - curves.counts
     shapes = {}
-    for number, color in enumerate(kinds):
-        which, file = np.flatnonzero(kind.reshape(-1) == number), folder / f"{number}.txt"
+    for number, color in enumerate(materials):
+        which, file = np.flatnonzero(material.reshape(-1) == number), folder / f"{number}.txt"
         with open(file, "w", encoding="ascii") as out:
             for curve in which:
                 own = curves.points[starts[curve] : starts[curve] + curves.counts[curve]] * scale
@@ -226,8 +233,10 @@ def _absorption(color: Floats) -> Floats:
 
 
 def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> dict[str, Any]:
-    place, focus = (scale * np.array(p) for p in (camera.GetPosition(), camera.GetFocalPoint()))
-    at = mi.ScalarTransform4f().look_at(place.tolist(), focus.tolist(), list(camera.GetViewUp()))
+    position, focus = (scale * np.array(p) for p in (camera.GetPosition(), camera.GetFocalPoint()))
+    transform = mi.ScalarTransform4f().look_at(
+        position.tolist(), focus.tolist(), list(camera.GetViewUp())
+    )
     film = {
         "type": "hdrfilm",
         "width": size[0],
@@ -235,55 +244,62 @@ def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> 
         "pixel_format": "rgba",
         "rfilter": {"type": "gaussian"},
     }
-    far = float(np.linalg.norm(place - focus))
+    distance = float(np.linalg.norm(position - focus))
     if camera.GetParallelProjection():
         half = scale * camera.GetParallelScale() * size[0] / size[1]
-        at = at @ mi.ScalarTransform4f().scale([half, half, 1.0])
-        return {"type": "orthographic", "to_world": at, "film": film, "far_clip": 10 * far}
+        transform = transform @ mi.ScalarTransform4f().scale([half, half, 1.0])
+        return {
+            "type": "orthographic",
+            "to_world": transform,
+            "film": film,
+            "far_clip": 10 * distance,
+        }
     return {
         "type": "perspective",
-        "to_world": at,
+        "to_world": transform,
         "fov": VIEW_ANGLE,
         "fov_axis": "y",
-        "near_clip": 1e-3 * far,
-        "far_clip": 10 * far,
+        "near_clip": 1e-3 * distance,
+        "far_clip": 10 * distance,
         "film": film,
     }
 
 
 def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
     """Return the lamps of the studio style as area lights, and its sky."""
-    focus, place = np.array(camera.GetFocalPoint()), np.array(camera.GetPosition())
-    back = place - focus
-    away = float(np.linalg.norm(back))
-    back /= away
+    focus, position = np.array(camera.GetFocalPoint()), np.array(camera.GetPosition())
+    back = position - focus
+    distance = float(np.linalg.norm(back))
+    back /= distance
     up = np.array(camera.GetViewUp()) - np.dot(camera.GetViewUp(), back) * back
     up /= np.linalg.norm(up)
     right = np.cross(up, back)
     style = STYLES["studio"]
     sky = {
         "type": "constant",
-        "radiance": {"type": "rgb", "value": [_EXPOSED * 0.5 * c for c in style.sky]},
+        "radiance": {"type": "rgb", "value": [_EXPOSURE * 0.5 * c for c in style.sky]},
     }
     lights: dict[str, Any] = {"sky": sky}
     for number, lamp in enumerate(style.lamps):
         towards = np.array(lamp.place) / np.linalg.norm(lamp.place)
-        at = scale * (focus + 2.0 * away * (towards @ np.array([right, up, back])))
-        half = scale * 2.0 * away * 0.3
+        lamp_position = scale * (focus + 2.0 * distance * (towards @ np.array([right, up, back])))
+        half = scale * 2.0 * distance * 0.3
         # Strength is given as for light from the whole sky; it is converted to the lamp's size.
-        value = [_EXPOSED * lamp.strength * c * math.pi / (4 * 0.3**2) for c in lamp.color]
-        look = mi.ScalarTransform4f().look_at(at.tolist(), (scale * focus).tolist(), up.tolist())
+        value = [_EXPOSURE * lamp.strength * c * math.pi / (4 * 0.3**2) for c in lamp.color]
+        transform = mi.ScalarTransform4f().look_at(
+            lamp_position.tolist(), (scale * focus).tolist(), up.tolist()
+        )
         lights[f"lamp_{number}"] = {
             "type": "rectangle",
-            "to_world": look @ mi.ScalarTransform4f().scale([half, half, 1.0]),
+            "to_world": transform @ mi.ScalarTransform4f().scale([half, half, 1.0]),
             "emitter": {"type": "area", "radiance": {"type": "rgb", "value": value}},
         }
     return lights
 
 
-def _compose_light(light: Floats, behind: NDArray[Any]) -> Image:
+def _compose_light(light: Floats, background: NDArray[Any]) -> Image:
     """Compose linear light over a background; a square root as gamma, as in the styles."""
     cover = np.clip(light[..., 3:], 0.0, 1.0)
     own = np.sqrt(np.clip(light[..., :3], 0.0, 1.0) / np.maximum(cover, 1e-6))
-    shown = np.clip(own, 0.0, 1.0) * cover + behind / 255.0 * (1.0 - cover)
+    shown = np.clip(own, 0.0, 1.0) * cover + background / 255.0 * (1.0 - cover)
     return np.asarray(np.round(255.0 * shown), dtype=np.uint8)

@@ -40,9 +40,10 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: _MANY_DOTS: up to this number of fixed vertices, their dots have full size. _LEAST_DOT: least
-#: size of dots in points.
-_MANY_DOTS, _LEAST_DOT = 40, 6.0
+#: Up to this number of fixed vertices, their dots have full size.
+_MANY_DOTS = 40
+#: Least size of dots, in points.
+_LEAST_DOT = 6.0
 
 
 @dataclass
@@ -74,10 +75,10 @@ class SceneView:
 
     # `loads.pale_copy` is for a renderer in front, if the caller has one.
 
-    def __init__(self, renderer: vtkRenderer, shades: bool, samples: int = 0) -> None:
+    def __init__(self, renderer: vtkRenderer, has_shadows: bool, samples: int = 0) -> None:
         self.renderer = renderer
         #: Whether the caller adds contact shadows, as for pictures.
-        self.shades = shades
+        self.has_shadows = has_shadows
         #: The fabric's surface. For `samples` see `SurfaceActor`: pictures need none, because their
         #: pixels are means of smaller ones.
         self.surface = SurfaceActor(samples)
@@ -100,10 +101,10 @@ class SceneView:
         #: State for which the last scale was made, and its ends; see `span_of`.
         self.span: tuple[object, Span] | None = None
         self._plane = vtkPlane()
-        self._size, self._point = (1, 1), 1.0
+        self._size, self._pixels_per_point = (1, 1), 1.0
         #: The current frame; None if nothing is shown.
         self._frame: Frame | None = None
-        self._view, self._look = View(), ViewOptions()
+        self._view, self._options = View(), ViewOptions()
         self._span: Span | None = None
         self._moving, self._generation = False, 0
 
@@ -132,9 +133,11 @@ class SceneView:
                 return True
         return any(prop.GetVisibility() for prop in others)
 
-    def fit(self, view: View, size: tuple[int, int], pixels: float, point: float) -> None:
+    def fit(
+        self, view: View, size: tuple[int, int], pixels: float, pixels_per_point: float
+    ) -> None:
         """Set colours and sizes of a view; `pixels` are drawn per pixel of the picture."""
-        self._size, self._point = size, point
+        self._size, self._pixels_per_point = size, pixels_per_point
         below, above = view.resolved_style.bottom_color, view.resolved_style.top_color
         set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
@@ -162,37 +165,37 @@ class SceneView:
         self,
         frame: Frame,
         view: View,
-        look: ViewOptions,
+        options: ViewOptions,
         span: Span | None = None,
         cut: Cut | None = None,
     ) -> None:
         """Show a frame, with a colour scale over `span`."""
-        self._frame, self._view, self._look, self._span = frame, view, look, span
+        self._frame, self._view, self._options, self._span = frame, view, options, span
         self._moving = False
-        scaled = look.fabric and look.scale and span is not None
-        self.scale_width = color_bar_share(self._size) if scaled else 0.0
+        has_scale = options.fabric and options.scale and span is not None
+        self.scale_width = color_bar_share(self._size) if has_scale else 0.0
         self.renderer.GetActiveCamera().SetWindowCenter(self.scale_width, 0.0)
         for actor in (self.surface, self.sheet, self.preview):
             actor.VisibilityOff()
             actor.color_bar.VisibilityOff()
         self.outline.VisibilityOff()
-        if look.fabric:
+        if options.fabric:
             self._show_fabric(frame)
-        time, signs = (
+        time, annotations = (
             frame.time if frame.cage else None,
-            (look.triad, look.scale_bar, look.axes_clickable),
+            (options.triad, options.scale_bar, options.axes_clickable),
         )
-        self.annotations.show(view, time, scaled, *signs)
-        if not look.scale:
+        self.annotations.show(view, time, has_scale, *annotations)
+        if not options.scale:
             for prop in self.overlays:
                 prop.VisibilityOff()
-        ghost, supports = view.ghost and look.fabric, view.supports and look.cage
+        ghost, supports = view.ghost and options.fabric, view.supports and options.cage
         self.ghost.SetVisibility(ghost)
         if ghost:
             self.ghost.show(frame.surface, frame.closed)
-        self.cage.SetVisibility(look.cage)
-        if look.cage:
-            self.cage.show(frame.cage, self._point, look.fabric)
+        self.cage.SetVisibility(options.cage)
+        if options.cage:
+            self.cage.show(frame.cage, self._pixels_per_point, options.fabric)
             # Translucent ghost and ground are drawn after opaque actors. The lines must then be
             # translucent too, or they would not be drawn over them.
             self.cage.SetForceOpaque(not (ghost or view.ground))
@@ -201,7 +204,7 @@ class SceneView:
             self.supports.show(frame.cage)
             count = self.supports.GetMapper().GetInput().GetNumberOfPoints()
             dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # else they hide the cloth
-            self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._point)
+            self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._pixels_per_point)
         self.loads.SetVisibility(view.loads)
         self._show_ground(frame)
         self.apply_cut(cut)
@@ -232,8 +235,8 @@ class SceneView:
 
     def _fill_cut(self, frame: Frame, yarns: vtkPolyData | None) -> None:
         """Draw the face of the cut, except for wireframes, in motion, or if no yarns are drawn."""
-        look, view = self._look, self._view
-        solid = look.fabric and not look.wireframe and not self._moving
+        options, view = self._options, self._view
+        solid = options.fabric and not options.wireframe and not self._moving
         cut = self.cut if solid and yarns is not None else None
         surface = frame.surface if yarns is None else yarns
         self.cut_face.fill(
@@ -244,11 +247,11 @@ class SceneView:
     def occlusion(self) -> float:
         """Strength of the contact shadows; 0 without shadows."""
         shown = self._frame is not None
-        return self._look.occlusion(self._view, self._span) if shown else 0.0
+        return self._options.occlusion(self._view, self._span) if shown else 0.0
 
     def include_shadows(self, on: bool) -> None:
         """Set whether the colours of a sheet include the contact shadows of its yarns."""
-        self.shades = on
+        self.has_shadows = on
         self.sheet.set_shadow_strength(self.occlusion if on else 0.0)
 
     def hide(self) -> None:
@@ -265,19 +268,19 @@ class SceneView:
         frame = self._frame
         if frame is None or moving == self._moving:
             return
-        light = frame.preview
-        if not self._look.fabric or light is None:
+        preview = frame.preview
+        if not self._options.fabric or preview is None:
             return
         self._moving = moving
-        if light.cloth is not None:
-            self._show_sheet(light if moving else frame, light.cloth)
+        if preview.cloth is not None:
+            self._show_sheet(preview if moving else frame, preview.cloth)
         # A second actor is used, so that the fine one keeps its buffers in OpenGL.
-        few = light.surface if light.cloth is None else light.yarns
-        if moving and few is not None:
-            closed = light.closed or light.cloth is not None
-            self._show_surface(self.preview, replace(light, surface=few, closed=closed))
+        yarns = preview.surface if preview.cloth is None else preview.yarns
+        if moving and yarns is not None:
+            closed = preview.closed or preview.cloth is not None
+            self._show_surface(self.preview, replace(preview, surface=yarns, closed=closed))
             self.preview.color_bar.VisibilityOff()
-        self.preview.SetVisibility(moving and few is not None)
+        self.preview.SetVisibility(moving and yarns is not None)
         fine = frame.cloth is None or frame.yarns is not None
         self.surface.SetVisibility(fine and not moving)
         self.ghost.SetVisibility(self._view.ghost and not moving)
@@ -287,7 +290,7 @@ class SceneView:
             self.apply_cut(self.cut)
 
     def _show_ground(self, frame: Frame) -> None:
-        wanted = self._view.ground and self._look.fabric
+        wanted = self._view.ground and self._options.fabric
         strength = self._view.resolved_style.shadow if wanted else 0.0
         self.ground.SetVisibility(strength > 0.0)
         if strength > 0.0:
@@ -307,11 +310,11 @@ class SceneView:
             self.surface.color_bar.VisibilityOff()
 
     def _show_sheet(self, frame: Frame, cloth: Cloth) -> None:
-        around = frame.surface if frame.surroundings is None else frame.surroundings
+        sheet = frame.surface if frame.surroundings is None else frame.surroundings
         style = self._view.resolved_style
         # The sheet gets contact shadows only if yarns would get them too.
-        self.sheet.show_sheet(around, cloth, frame.color, self._span, style, frame.crossings)
-        self.sheet.set_shadow_strength(self.occlusion if self.shades else 0.0)
+        self.sheet.show_sheet(sheet, cloth, frame.color, self._span, style, frame.crossings)
+        self.sheet.set_shadow_strength(self.occlusion if self.has_shadows else 0.0)
         self._set_representation(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
@@ -320,26 +323,30 @@ class SceneView:
             (frame.color, self._view.object_color, self._span),
         )
         # Outlines in the shader need round edges; other surfaces get lines of `OutlineActor` only.
-        actor.show(frame.surface, *colors, frame.painting, style, self._point * frame.closed)
+        actor.show(
+            frame.surface, *colors, frame.painting, style, self._pixels_per_point * frame.closed
+        )
         # Back faces of closed yarns are hidden, but take as much time as front faces.
         actor.GetProperty().SetBackfaceCulling(frame.closed)
         self._set_representation(actor)
-        lined = style.outline > 0.0 and not self._look.wireframe
-        lined &= frame.surface.GetPointData().GetNormals() is not None
-        self.outline.SetVisibility(lined)
-        if lined:
-            pixels = max(1.0, (0.5 if frame.closed else 1.0) * style.outline * self._point)
-            most = style.outline_share * frame.relief
+        has_outline = style.outline > 0.0 and not self._options.wireframe
+        has_outline &= frame.surface.GetPointData().GetNormals() is not None
+        self.outline.SetVisibility(has_outline)
+        if has_outline:
+            pixels = max(
+                1.0, (0.5 if frame.closed else 1.0) * style.outline * self._pixels_per_point
+            )
+            max_width = style.outline_share * frame.relief
             size = self.renderer.GetRenderWindow().GetSize()
-            self.outline.show(frame.surface, style, pixels, size, most)
+            self.outline.show(frame.surface, style, pixels, size, max_width)
 
     def _set_representation(self, actor: SurfaceActor) -> None:
         actor.VisibilityOn()
-        drawn, wireframe = actor.GetProperty(), self._look.wireframe
-        drawn.SetRepresentation(VTK_WIREFRAME if wireframe else VTK_SURFACE)
+        properties, wireframe = actor.GetProperty(), self._options.wireframe
+        properties.SetRepresentation(VTK_WIREFRAME if wireframe else VTK_SURFACE)
         # Widths for wireframes, and for objects made of lines or points.
-        drawn.SetLineWidth((1.0 if wireframe else 2.0) * self._point)
-        drawn.SetPointSize(3.0 * self._point)
+        properties.SetLineWidth((1.0 if wireframe else 2.0) * self._pixels_per_point)
+        properties.SetPointSize(3.0 * self._pixels_per_point)
 
 
 def extent_of(frame: Frame, loads: bool) -> Floats:
@@ -350,31 +357,31 @@ def extent_of(frame: Frame, loads: bool) -> Floats:
     if frame.cage is not None:
         # The cage at rest and displaced: a vibration should not leave the picture at once. A cage
         # with an equilibrium vibrates around it, and never appears in its rest shape.
-        rest, hangs = points_of(frame.cage), frame.cage.GetPointData().GetArray("equilibrium")
-        if hangs is not None:
-            rest = rest + vtk_to_numpy(hangs)
+        rest, equilibrium = points_of(frame.cage), frame.cage.GetPointData().GetArray("equilibrium")
+        if equilibrium is not None:
+            rest = rest + vtk_to_numpy(equilibrium)
         clouds += [rest, moved_points(frame.cage)]
     if loads and frame.arrows is not None:
         clouds.append(frame.arrows.reach)
     return np.concatenate(clouds)
 
 
-def visible_cells(frame: Frame, view: View, look: ViewOptions) -> list[tuple[AnyFloats, Ints]]:
+def visible_cells(frame: Frame, view: View, options: ViewOptions) -> list[tuple[AnyFloats, Ints]]:
     """Return points of each shown object, and the index of the first point of each cell."""
-    shown, points = [], []
-    if look.fabric:
+    objects, points = [], []
+    if options.fabric:
         polygons = frame.surface.GetPolys()
         if polygons.GetNumberOfCells():
             corners = vtk_to_numpy(polygons.GetConnectivityArray())
             first = vtk_to_numpy(polygons.GetOffsetsArray())[:-1].astype(np.int64)
-            shown.append((points_of(frame.surface)[corners], first))
+            objects.append((points_of(frame.surface)[corners], first))
         else:
             points.append(points_of(frame.surface))
         if view.ghost:
             points.append(rest_points(frame.surface))
-    if look.cage and frame.cage is not None:
+    if options.cage and frame.cage is not None:
         points.append(moved_points(frame.cage))
     if view.loads and frame.arrows is not None:
         points.append(frame.arrows.reach)
     # Each of these points is a cell.
-    return shown + [(each, np.arange(len(each))) for each in points]
+    return objects + [(each, np.arange(len(each))) for each in points]

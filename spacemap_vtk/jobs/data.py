@@ -129,23 +129,22 @@ def check_data_output(output: Path, kind: str, pieces: int = 0) -> None:
     check_output(output, writer_endings(wanted), numbered)
     if ending not in writer_endings(kind):
         raise InputError(
-            f"{ending} files do not hold that",
+            f"{ending} files cannot contain this kind of data",
             key="what",
             value=kind,
             allowed=", ".join(each for each in DATA if ending in writer_endings(each)),
         )
     if numbered:
-        require_placeholder(output, "a series needs one number in its name")
+        require_placeholder(output)
     format_ = writer(output, kind)
     format_.check(output)
-    if not 0 <= pieces <= (_MOST_PIECES if format_.pieces else 0):
-        able = ", ".join(e for each in writers() if each.pieces for e in each.endings)
+    if pieces and not format_.pieces:
+        endings = ", ".join(e for each in writers() if each.pieces for e in each.endings)
         raise InputError(
-            f"no number of pieces of a {ending}",
-            key="pieces",
-            value=pieces,
-            allowed=f"1 to {_MOST_PIECES}, of {able}",
+            f"{ending} files cannot be written in pieces; use {endings}", key="pieces", value=pieces
         )
+    if not 0 <= pieces <= _MOST_PIECES:
+        raise InputError(f"pieces must be between 1 and {_MOST_PIECES}", key="pieces", value=pieces)
 
 
 def writes_numbered_files(output: Path, kind: str) -> bool:
@@ -162,14 +161,14 @@ def series_times(scene: Scene, times: Sequence[float]) -> Times:
         return film_times(scene) if scene.moves else selected_times([scene.view.time])
     if len(times) > 1 and not scene.moves:
         raise InputError(
-            "this scene does not move: it is the same at all of them",
+            "a scene that does not move cannot have several times",
             key="times",
-            cure="Add a section [response], or leave them out.",
+            cure="Add a section [response], or remove the times.",
         )
     for before, after in pairwise(times):
         if not before < after:
             raise InputError(
-                f"{after:g} s follows {before:g} s", key="times", allowed="times that ascend"
+                f"times must increase, but {after:g} s follows {before:g} s", key="times"
             )
     return selected_times(times)
 

@@ -38,36 +38,36 @@ class FigureJob(Job):
         check_output(self.output, writer_endings("plot"))
         if self.page.transparent and self.output.suffix.lower() in (".jpg", ".jpeg"):
             raise InputError(
-                f"a {self.output.suffix} has no transparency",
+                f"{self.output.suffix} files cannot be transparent",
                 key="--transparent",
                 allowed=".png, .svg, .pdf",
             )
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of the page."""
-        found: dict[str, Any] = {"what": self.kind}
+        record: dict[str, Any] = {"what": self.kind}
         for name in ("times", "panels"):
             if value := list(getattr(self.page, name)):
-                found[name] = value
+                record[name] = value
         page = {name: getattr(self.page, name) for name in _RECORDED}
         page["lists"] = list(page["lists"])
         # A zero must be stored, because it is refused later.
-        found["page"] = {k: v for k, v in page.items() if v not in (None, []) and v is not False}
-        return found
+        record["page"] = {k: v for k, v in page.items() if v not in (None, []) and v is not False}
+        return record
 
     @classmethod
-    def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
+    def from_json(cls, record: Mapping[str, Any], output: Path) -> Job:
         """Return the job that `as_json` has described."""
         from spacemap_vtk.draw.figure.figure_page import FigurePage
 
         try:
             page = FigurePage(
-                panels=to_texts(given.get("panels", ())),
-                times=to_floats(given.get("times", ())),
-                **given.get("page", {}),
+                panels=to_texts(record.get("panels", ())),
+                times=to_floats(record.get("times", ())),
+                **record.get("page", {}),
             )
         except TypeError as error:
-            raise InputError(f"no figure that this program knows: {error}") from None
+            raise InputError(f"invalid description of a figure: {error}") from None
         return cls(output, page)
 
     def decide_times(self, scene: Scene) -> Times:

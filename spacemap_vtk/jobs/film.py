@@ -60,14 +60,12 @@ class FilmJob(Job):
         )
         writer(self.output, self._content).check(self.output)
         if self.is_numbered:
-            require_placeholder(self.output, "frames need one number in their name")
+            require_placeholder(self.output)
         self.size = to_size(self.size)
         self.panels = to_texts(self.panels)
         self.place = to_viewpoint(self.place)
         if self.workers is not None and self.workers < 1:
-            raise InputError(
-                "no number of processes", key="workers", value=self.workers, allowed="at least 1"
-            )
+            raise InputError("workers must be at least 1", key="workers", value=self.workers)
 
     @property
     def is_numbered(self) -> bool:
@@ -87,9 +85,9 @@ class FilmJob(Job):
         """Return the times of the frames."""
         if not scene.moves:
             raise InputError(
-                "nothing in this scene moves, and all frames of its film would be the same",
-                cure="Add a section [response], as --set response.alpha=1 does, or draw a picture: "
-                "spacemap render.",
+                "nothing in this scene moves, so all frames would be the same",
+                cure="Add a section [response], for example with --set response.alpha=1, or draw a "
+                'picture with "spacemap render".',
             )
         scene.check()
         return film_times(scene)
@@ -107,14 +105,17 @@ class FilmJob(Job):
         settings = FilmSettings.from_scene(
             scene, context.times, (width, height), self.panels, self.place, self.wireframe
         )
-        kept = FrameFolder(self.output, settings.digest, self.again)
+        frame_folder = FrameFolder(self.output, settings.digest, self.again)
         # A frame that is kept is a .png already, so it is copied.
-        copied = self.is_numbered and self.output.suffix.lower() == ".png"
-        format_ = None if copied else writer(self.output, self._content)
-        with explain_disk_errors(self.output, "" if atomic else self.output.name), kept.lock():
+        is_png = self.is_numbered and self.output.suffix.lower() == ".png"
+        format_ = None if is_png else writer(self.output, self._content)
+        with (
+            explain_disk_errors(self.output, "" if atomic else self.output.name),
+            frame_folder.lock(),
+        ):
             with self.open_output(atomic) as file:
-                found = write_film(
-                    file, format_, scene, settings, kept, context.progress, self.workers
+                message = write_film(
+                    file, format_, scene, settings, frame_folder, context.progress, self.workers
                 )
-            kept.remove()  # only after the film is complete
-        return found
+            frame_folder.remove()  # only after the film is complete
+        return message

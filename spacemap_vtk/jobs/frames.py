@@ -45,12 +45,16 @@ from spacemap_vtk.scenes.sweep import paths_in
 from spacemap_vtk.temporary_files import hidden_path, temporary_path, try_lock
 from spacemap_vtk.workers import WorkerEndedError, process_count, run_in_processes
 
-#: Suffix of a film's name for the folder of its frames, and name of the file that identifies them.
-_FOLDER, _MARK = ".frames", "of.txt"
-#: Most frames that wait for the encoder, and seconds between two checks that it still runs.
-_AHEAD, _PATIENCE = 4, 0.2
+#: Suffix of a film's name for the folder of its frames.
+_FOLDER = ".frames"
+#: Name of the file in this folder that identifies its frames.
+_MARK = "of.txt"
+#: Largest number of frames that wait for the encoder.
+_QUEUE_LENGTH = 4
+#: Seconds between two checks that the encoder still runs.
+_CHECK_INTERVAL = 0.2
 #: Number of pixels that make it worthwhile to start a process.
-_WORTHWHILE = 20_000_000
+_PIXELS_PER_PROCESS = 20_000_000
 
 
 class BusyError(InputError):
@@ -78,12 +82,12 @@ class FilmSettings:
         times: Iterable[float],
         size: tuple[int, int],
         panels: Iterable[str] = (),
-        place: Viewpoint | None = None,
+        viewpoint: Viewpoint | None = None,
         wireframe: bool = False,
     ) -> FilmSettings:
         """Return the settings of a film of a scene in its present state."""
-        seen = size, tuple(panels), place, wireframe
-        return cls(scene.file, scene.settings, scene.given_sections, tuple(times), *seen)
+        view = size, tuple(panels), viewpoint, wireframe
+        return cls(scene.file, scene.settings, scene.given_sections, tuple(times), *view)
 
     @property
     def request(self) -> PictureRequest:
@@ -98,9 +102,9 @@ class FilmSettings:
 
     def make_picture(self, scene: Scene, extent: Extent | None = None) -> Picture:
         """Return an object that draws the frames of a scene."""
-        seen = self.size, self.panels, self.viewpoint, extent
+        view = self.size, self.panels, self.viewpoint, extent
         clear = scene.view.transparent
-        return Picture(scene, self.times, *seen, clear=clear, wireframe=self.wireframe)
+        return Picture(scene, self.times, *view, transparent=clear, wireframe=self.wireframe)
 
     @property
     def digest(self) -> str:
@@ -111,8 +115,8 @@ class FilmSettings:
             meshes = {*reader_endings("mesh"), *reader_endings("motion")}
             paths |= {path for path in motion.parent.glob("*.*") if path.suffix in meshes}
         files = [(str(path), path.stat()) for path in sorted(paths) if path.is_file()]
-        told = [(name, found.st_size, found.st_mtime_ns) for name, found in files]
-        return hashlib.sha256(repr((__version__, self, told)).encode()).hexdigest()
+        versions = [(name, status.st_size, status.st_mtime_ns) for name, status in files]
+        return hashlib.sha256(repr((__version__, self, versions)).encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -146,28 +150,28 @@ class FrameFolder:
         while True:
             if self.folder.is_symlink() or mark.is_symlink():
                 raise InputError(
-                    f"{self.output}: its frames would wait in {self.folder}, which leads elsewhere",
-                    cure="Remove that, or choose another name.",
+                    f"{self.output}: the folder of its frames, {self.folder}, is a symbolic link",
+                    cure="Remove the link, or choose another name.",
                 )
             if self.folder.exists() and not mark.is_file() and any(self.folder.iterdir()):
                 raise InputError(
-                    f"{self.output}: its frames would wait in {self.folder}, which is another's",
-                    cure="Move that away, or choose another name.",
+                    f"{self.output}: the folder of its frames, {self.folder}, has other files",
+                    cure="Move the folder away, or choose another name.",
                 )
             self.folder.mkdir(exist_ok=True)
-            with ExitStack() as held:
+            with ExitStack() as locks:
                 try:
-                    there = try_lock(self.folder, held)
+                    locked = try_lock(self.folder, locks)
                 except BlockingIOError:
                     raise BusyError(
-                        f"{self.output} is being made by another process, whose frames wait in "
+                        f"{self.output} is being made by another process, whose frames are in "
                         f"{self.folder}",
-                        cure="Wait until it has ended, or choose another name.",
+                        cure="Wait until that process ends, or choose another name.",
                     ) from None
                 except OSError:
-                    there = True  # the disk has no locks
+                    locked = True  # the disk has no locks
                 # A process that has just ended may have deleted the folder; then try again.
-                if there:
+                if locked:
                     mark.touch()
                     yield
                     return
@@ -206,8 +210,8 @@ class FrameFolder:
         if (self.folder / _MARK).is_file():
             # The folder is moved away first. Otherwise a process that is killed meanwhile would
             # leave frames that no film recognises.
-            with suppress(OSError), temporary_path(hidden_path(self.folder.parent)) as gone:
-                os.replace(self.folder, gone)
+            with suppress(OSError), temporary_path(hidden_path(self.folder.parent)) as doomed:
+                os.replace(self.folder, doomed)
 
     def _is_complete(self, number: int) -> bool:
         try:
@@ -223,21 +227,23 @@ def write_film(
     format_: Writer | None,
     scene: Scene,
     settings: FilmSettings,
-    kept: FrameFolder,
-    tell: StepProgress,
+    frame_folder: FrameFolder,
+    report_progress: StepProgress,
     workers: int | None = None,
 ) -> str:
     """Write a film, or numbered frames without a format; return how many existed before."""
-    there = set(kept.prepare(len(settings.times)))
+    existing = set(frame_folder.prepare(len(settings.times)))
     try:
-        _write_film(file, format_, scene, settings, kept, there, tell, workers)
+        _write_film(
+            file, format_, scene, settings, frame_folder, existing, report_progress, workers
+        )
     except BaseException as error:
         # After a full disk or a cancellation frames are deleted, unless some existed before.
-        given_up = isinstance(error, (OSError, Cancelled)) and not there
-        if given_up or not kept.count:
-            kept.remove()
+        abandoned = isinstance(error, (OSError, Cancelled)) and not existing
+        if abandoned or not frame_folder.count:
+            frame_folder.remove()
         raise
-    return f"{len(there)} of {len(settings.times)} frames were there from before" if there else ""
+    return f"{len(existing)} of {len(settings.times)} frames existed already" if existing else ""
 
 
 def _write_film(
@@ -245,36 +251,36 @@ def _write_film(
     format_: Writer | None,
     scene: Scene,
     settings: FilmSettings,
-    kept: FrameFolder,
-    there: set[int],
-    tell: StepProgress,
+    frame_folder: FrameFolder,
+    existing: set[int],
+    report_progress: StepProgress,
     workers: int | None,
 ) -> None:
     steps = range(len(settings.times))
-    missing = [number for number in steps if number not in there]
+    missing = [number for number in steps if number not in existing]
     count = _worker_count(scene, settings, len(missing), workers)
-    done = len(there)
-    tell(done, len(steps))
-    frames: Queue[Future[Image] | None] = Queue(_AHEAD)
+    done = len(existing)
+    report_progress(done, len(steps))
+    frames: Queue[Future[Image] | None] = Queue(_QUEUE_LENGTH)
     encode = partial(_encode, file, format_, scene.animation.frames_per_second, frames)
     # One thread converts frames to files or back, one makes the film, and this one draws.
     with (
         ThreadPoolExecutor(1) as pool,
-        _shared_cache(kept.folder, count),
+        _shared_cache(frame_folder.folder, count),
         _run_in_thread(encode) as encoding,
     ):
         drawn = (_draw_here if count == 1 else partial(_draw_in_processes, count))(
-            scene, settings, kept, missing
+            scene, settings, frame_folder, missing
         )
         try:
             with closing(drawn):
                 for number in steps:
-                    if number in there:
-                        _put_frame(pool.submit(kept.read, number), frames, encoding)
+                    if number in existing:
+                        _put_frame(pool.submit(frame_folder.read, number), frames, encoding)
                     else:
                         _put_frame(pool.submit(next(drawn)), frames, encoding)
                         done += 1
-                        tell(done, len(steps))
+                        report_progress(done, len(steps))
             _put_frame(None, frames, encoding)
         except BaseException:
             with suppress(Empty):
@@ -286,9 +292,9 @@ def _write_film(
     if format_ is None:
         for number in steps:
             with attach_record_at(settings.times[number], what="picture", framed=True):
-                png = kept.path(number).read_bytes()
+                png = frame_folder.path(number).read_bytes()
                 write_parts(file.with_name(file.name % number), add_record(png))
-            kept.path(number).unlink()
+            frame_folder.path(number).unlink()
 
 
 def _encode(
@@ -330,7 +336,7 @@ def _put_frame(
     """Wait until the queue has room; if the encoder has ended, raise its error."""
     while not encoding.done():
         with suppress(Full):
-            frames.put(frame, timeout=_PATIENCE)
+            frames.put(frame, timeout=_CHECK_INTERVAL)
             return
     encoding.result()
 
@@ -340,19 +346,19 @@ def _raise_cancelled() -> Image:
 
 
 def _draw_here(
-    scene: Scene, settings: FilmSettings, kept: FrameFolder, missing: list[int]
+    scene: Scene, settings: FilmSettings, frame_folder: FrameFolder, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Draw frames, and yield a function for each that keeps it."""
     picture = settings.make_picture(scene)
     try:
         for number in missing:
-            yield partial(kept.write, number, picture.draw(settings.times[number]))
+            yield partial(frame_folder.write, number, picture.draw(settings.times[number]))
     finally:
         picture.close()
 
 
 def _draw_in_processes(
-    count: int, scene: Scene, settings: FilmSettings, kept: FrameFolder, missing: list[int]
+    count: int, scene: Scene, settings: FilmSettings, frame_folder: FrameFolder, missing: list[int]
 ) -> Generator[Callable[[], Image]]:
     """Let processes draw frames, and yield a function for each that reads it."""
     if uses_software_renderer():
@@ -363,20 +369,20 @@ def _draw_in_processes(
     )
     sheet = ClothSheet(scene) if choose_level(scene, settings.request).has_sheet else None
     extent = motion_extent(scene, settings.times, sheet, choose)
-    tasks = [(settings, kept, extent, number) for number in missing]
+    tasks = [(settings, frame_folder, extent, number) for number in missing]
     drawn: set[int] = set()
     with closing(run_in_processes(f"{__name__}:{draw_frame.__name__}", tasks, count)) as answers:
         for number in missing:
             while number not in drawn:
                 task, answer = next(answers)
                 if isinstance(answer, WorkerEndedError):
-                    answer.cure = "The same command goes on; with fewer --workers, if need be."
+                    answer.cure = "Run the same command again to continue, with fewer --workers."
                 if isinstance(answer, Exception):
                     raise answer
                 drawn.add(missing[task])
                 for text in answer:
                     scene.warn(text)
-            yield partial(kept.read, number)
+            yield partial(frame_folder.read, number)
 
 
 #: Object with which this process draws, by the frames that it draws.
@@ -385,24 +391,24 @@ _pictures: dict[FrameFolder, Picture] = {}
 
 def draw_frame(task: tuple[FilmSettings, FrameFolder, Extent, int]) -> list[str]:
     """Draw one frame of a film, and return the warnings of its stages."""
-    settings, kept, extent, number = task
-    if kept not in _pictures:
+    settings, frame_folder, extent, number = task
+    if frame_folder not in _pictures:
         warnings.simplefilter("ignore", SpacemapWarning)  # they are returned
         _pictures.clear()
-        _pictures[kept] = settings.make_picture(settings.make_scene(), extent)
-    kept.write(number, _pictures[kept].draw(settings.times[number]))
-    return _pictures[kept].scene.warnings
+        _pictures[frame_folder] = settings.make_picture(settings.make_scene(), extent)
+    frame_folder.write(number, _pictures[frame_folder].draw(settings.times[number]))
+    return _pictures[frame_folder].scene.warnings
 
 
-def _worker_count(scene: Scene, settings: FilmSettings, frames: int, asked: int | None) -> int:
+def _worker_count(scene: Scene, settings: FilmSettings, frames: int, requested: int | None) -> int:
     """Return the number of processes that draw frames."""
-    if asked == 1 or not frames:
+    if requested == 1 or not frames:
         return 1
     level = choose_level(scene, settings.request)
     if level.has_sheet:
-        return asked or 1  # a sheet is drawn in pieces, which keeps all cores busy
+        return requested or 1  # a sheet is drawn in pieces, which keeps all cores busy
     pixels = frames * prod(settings.size)
-    return process_count(frames, pixels // _WORTHWHILE, level.bytes, asked)
+    return process_count(frames, pixels // _PIXELS_PER_PROCESS, level.bytes, requested)
 
 
 @contextmanager

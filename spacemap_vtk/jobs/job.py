@@ -124,8 +124,8 @@ class Job(ABC):
         from spacemap_vtk.scenes.scene_record import make_record
 
         times = self.decide_times(scene)
-        asked = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
-        with attach_record(make_record(scene, asked, times.span)):
+        record = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
+        with attach_record(make_record(scene, record, times.span)):
             return self.write(
                 Context(scene, times.values, progress, report_loss or scene.warn, atomic)
             )
@@ -149,20 +149,20 @@ class Job(ABC):
 
     def as_json(self) -> dict[str, Any]:
         """Return the kind, as ``what``, and all fields but `output` that differ from defaults."""
-        found: dict[str, Any] = {"what": self.kind}
+        record: dict[str, Any] = {"what": self.kind}
         for each in fields(self):  # type: ignore[arg-type]
             if each.name not in ("output", "kind"):
                 value = json.loads(json.dumps(getattr(self, each.name)))
                 if value not in (each.default, []):
-                    found[each.name] = value
-        return found
+                    record[each.name] = value
+        return record
 
     @classmethod
-    def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
+    def from_json(cls, record: Mapping[str, Any], output: Path) -> Job:
         """Return the job that `as_json` has described, here or in an earlier version."""
-        own = {each.name for each in fields(cls)}  # type: ignore[arg-type]
-        asked = {k: v for k, v in given.items() if k in own or k not in _EARLIER_KEYS}
-        return cls.create(given["what"], output, **asked)
+        field_names = {each.name for each in fields(cls)}  # type: ignore[arg-type]
+        values = {k: v for k, v in record.items() if k in field_names or k not in _EARLIER_KEYS}
+        return cls.create(record["what"], output, **values)
 
     @classmethod
     def create(cls, kind: str, output: Path, **fields: Any) -> Job:
@@ -190,9 +190,7 @@ def job_class(kind: str) -> type[Job]:
     if kind not in JOBS:
         extensions.load_all("jobs")
     if kind not in JOBS:
-        raise InputError(
-            "no job of that kind is known", key="what", value=kind, allowed=", ".join(JOBS)
-        )
+        raise InputError("unknown kind of job", key="what", value=kind, allowed=", ".join(JOBS))
     return JOBS[kind]
 
 
@@ -201,14 +199,14 @@ def make_job(kind: str, output: Path, **fields: Any) -> Job:
     return job_class(kind).create(kind, output, **fields)
 
 
-def job_from_json(given: Mapping[str, Any], output: Path) -> Job:
+def job_from_json(record: Mapping[str, Any], output: Path) -> Job:
     """Return the job that a record or another process describes; do not trust a record."""
     try:
-        return job_class(str(given["what"])).from_json(given, output)
+        return job_class(str(record["what"])).from_json(record, output)
     except InputError:
         raise
     except (TypeError, ValueError, LookupError) as error:
-        raise InputError(f"no order that this program knows: {error}") from None
+        raise InputError(f"invalid description of a job: {error}") from None
 
 
 def to_floats(numbers: Sequence[Any]) -> list[float]:
@@ -238,9 +236,12 @@ def to_viewpoint(place: Sequence[Any] | None) -> Viewpoint | None:
     return Viewpoint.from_json(place)
 
 
-def require_placeholder(path: Path, what: str) -> None:
+def require_placeholder(path: Path) -> None:
     """Refuse a file name that does not contain exactly one placeholder for a number."""
     if not re.fullmatch(r"[^%]*%0?\d*d[^%]*", path.name):
         stem = re.sub("%[0-9]*[a-z]?", "", path.stem).rstrip("-_")
         example = path.with_name(f"{stem}-%04d{path.suffix}")
-        raise InputError(f"{path}: {what}", allowed=f"for example {example}")
+        raise InputError(
+            f"{path}: the name of a series must contain one number such as %04d",
+            cure=f"For example {example}",
+        )

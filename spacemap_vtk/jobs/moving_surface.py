@@ -52,10 +52,9 @@ class MovingJob(Job):
             self.tolerance = float(self.tolerance)
             if not 0.0 < self.tolerance < math.inf:
                 raise InputError(
-                    "not a tolerance",
+                    "tolerance must be a length above 0, for example 0.01mm",
                     key="tolerance",
                     value=self.tolerance,
-                    allowed="a length above 0, as in 0.01mm",
                 )
         if self.curves != "yarns":
             from spacemap_vtk.draw.detail.yarn_recorder import check_strands
@@ -95,25 +94,25 @@ class MovingJob(Job):
         if self.is_numbered:
             span = common_scale(scene, times)
 
-            def still(time: float) -> MovingSurface:
+            def make_still_surface(time: float) -> MovingSurface:
                 return make_moving_surface(
                     scene, [time], self.tolerance, lambda *_: None, span, sides=0
                 )
 
-            return write_series(self, context, still)
+            return write_series(self, context, make_still_surface)
         format_ = writer(self.output, self.kind)
-        made = make_moving_surface(
+        surface = make_moving_surface(
             scene,
             times,
             self.tolerance,
             context.progress,
-            most=format_.most,
+            max_bytes=format_.most,
             numbers=format_.numbers,
             strands=self.curves,
             sides=self.subdivisions or 0,
-            say=context.report_loss,
+            warn=context.report_loss,
         )
-        return _write_surface(self, context, made)
+        return _write_surface(self, context, surface)
 
 
 @register()
@@ -144,14 +143,14 @@ class ModesJob(Job):
         """Compute and write the shapes; return their number and their size in words."""
         from spacemap_vtk.draw.morph_surface import make_mode_surface
 
-        made = make_mode_surface(
+        surface = make_mode_surface(
             context.scene,
             context.progress,
             writer(self.output, self.kind).most,
             self.subdivisions or 0,
             context.report_loss,
         )
-        return _write_surface(self, context, made)
+        return _write_surface(self, context, surface)
 
 
 def _check_subdivisions(count: Any) -> int | None:
@@ -167,14 +166,14 @@ def _check_subdivisions(count: Any) -> int | None:
     return found
 
 
-def _write_surface(job: Job, context: Context, made: Any) -> str:
+def _write_surface(job: Job, context: Context, surface: Any) -> str:
     """Write a moving surface; return its targets, error and size in words."""
     with job.open_output(context.atomic) as file:
-        writer(file, job.kind).write(file, made)
+        writer(file, job.kind).write(file, surface)
         size = file.stat().st_size
-    count = len(made.targets)
-    words = [format_count(count, "target")] if count else []
-    if "largest_error" in made.metadata:
-        near = format_quantity(made.metadata["largest_error"], "m", 3)
-        words.append(f"{made.metadata['frames']} frames, each within {near}")
-    return ", ".join([*words, format_size(size)])
+    count = len(surface.targets)
+    parts = [format_count(count, "target")] if count else []
+    if "largest_error" in surface.metadata:
+        error = format_quantity(surface.metadata["largest_error"], "m", 3)
+        parts.append(f"{surface.metadata['frames']} frames, largest error {error}")
+    return ", ".join([*parts, format_size(size)])

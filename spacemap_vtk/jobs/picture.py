@@ -66,25 +66,22 @@ class PictureJob(Job):
         self.samples = int(self.samples)
         if not 0 <= self.samples <= MOST_SAMPLES:
             raise InputError(
-                "no number of rays",
-                key="samples",
-                value=self.samples,
-                allowed=f"1 to {MOST_SAMPLES}",
+                f"samples must be between 1 and {MOST_SAMPLES}", key="samples", value=self.samples
             )
 
     def as_json(self) -> dict[str, Any]:
         """Return the requested values, with the time as a list of one."""
-        found = super().as_json()
-        time = found.pop("time", None)
+        record = super().as_json()
+        time = record.pop("time", None)
         times = {} if time is None else {"times": [time]}
-        return {"what": self.kind, **times, **found}
+        return {"what": self.kind, **times, **record}
 
     @classmethod
-    def from_json(cls, given: Mapping[str, Any], output: Path) -> Job:
+    def from_json(cls, record: Mapping[str, Any], output: Path) -> Job:
         """Return the job that `as_json` has described."""
-        if times := given.get("times"):
-            given = {**given, "time": times[0]}
-        return super().from_json({k: v for k, v in given.items() if k != "times"}, output)
+        if times := record.get("times"):
+            record = {**record, "time": times[0]}
+        return super().from_json({k: v for k, v in record.items() if k != "times"}, output)
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the requested time; by default the scene's."""
@@ -115,7 +112,7 @@ class PictureJob(Job):
             size,
             self.panels,
             self.place,
-            clear=scene.view.transparent,
+            transparent=scene.view.transparent,
             wireframe=self.wireframe,
         )
         image = picture.draw(time)
@@ -127,5 +124,5 @@ class PictureJob(Job):
 def fill_background(output: Path, holds: str, scene: Scene) -> None:
     """Draw the background of a transparent scene if the format needs one."""
     if scene.view.transparent and not writer(output, holds).alpha:
-        scene.warn(f"a {output.suffix} cannot be transparent, and has its background")
+        scene.warn(f"{output.suffix} files cannot be transparent: the background is drawn")
         scene.assign("view", "transparent", False)

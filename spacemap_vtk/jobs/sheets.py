@@ -55,7 +55,7 @@ class StoryboardJob(Job):
 
         if unknown := [name for name in self.motions if name not in MOTIONS]:
             raise InputError(
-                "no such motion", key="motions", value=unknown[0], allowed=", ".join(MOTIONS)
+                "unknown motion", key="motions", value=unknown[0], allowed=", ".join(MOTIONS)
             )
 
     def decide_times(self, scene: Scene) -> Times:

@@ -54,12 +54,14 @@ from spacemap_vtk.temporary_files import temporary_folder
 from spacemap_vtk.units import format_quantity
 from spacemap_vtk.workers import process_count, run_in_processes, run_on_cluster
 
-#: Files in the folder besides those of the runs.
-TABLE, SHEET, RECORD = "table.csv", "contact_sheet.png", "sweep.json"
+# Files in the folder besides those of the runs.
+TABLE = "table.csv"
+SHEET = "contact_sheet.png"
+RECORD = "sweep.json"
 #: Text that identifies a record of a sweep.
 _MARK = "files of a spacemap sweep"
 #: Seconds between two updates of the table while a sweep runs.
-_OFTEN = 2.0
+_TABLE_INTERVAL = 2.0
 #: Lets one thread of a process draw and solve at a time: VTK collects the garbage of all threads.
 _lock = threading.Lock()
 
@@ -96,10 +98,10 @@ def execute_run(run: Run) -> RunResult:
     return result
 
 
-def _compute_figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
+def _compute_figures(scene: Scene, requested: Sequence[float]) -> Iterator[Figure]:
     """Yield the figures that `info` and `modes` show, and the largest displacement at each time."""
     if scene.woven is not None:
-        found = report.report_fabric(scene, asked[0] if asked and scene.moves else None)
+        found = report.report_fabric(scene, requested[0] if requested and scene.moves else None)
         for warp, weft in yarn_figures(found):
             yield warp
             yield weft
@@ -114,15 +116,15 @@ def _compute_figures(scene: Scene, asked: Sequence[float]) -> Iterator[Figure]:
         yield from mode_figures(modes)
         yield from equilibrium_figures(modes["hung"])
     if scene.moves:
-        times = asked or [scene.view.time]
+        times = requested or [scene.view.time]
         for time in times:
             scene.update_stage(scene.cage_stage, time)
-            moved = array_of(scene.deformed_cage.GetPointData(), "displacement", "the cage")
-            far = float(np.sqrt((moved.astype(float) ** 2).sum(axis=1).max()))
+            displacement = array_of(scene.deformed_cage.GetPointData(), "displacement", "the cage")
+            largest = float(np.sqrt((displacement.astype(float) ** 2).sum(axis=1).max()))
             key = "largest displacement"
             if len(times) > 1:
                 key += f" at {format_quantity(time, 's')}"
-            yield Figure(key, key, "", far, "m")
+            yield Figure(key, key, "", largest, "m")
 
 
 def _draw_picture(scene: Scene, time: float) -> bytes:
@@ -135,27 +137,27 @@ def _draw_picture(scene: Scene, time: float) -> bytes:
 def execute_sweep(
     sweep: Sweep,
     folder: Path,
-    tell: StepProgress = lambda done, of: None,
+    report_progress: StepProgress = lambda done, of: None,
     *,
     workers: int | None = None,
     cluster: str = "",
-    again: bool = False,
+    redo: bool = False,
 ) -> dict[str, RunResult]:
     """Carry out all runs that have no result yet, and return all results by the run's name."""
     sweep.check()
-    own = _check_folder(folder, sweep)
-    found = (
+    own_files = _check_folder(folder, sweep)
+    results = (
         {}
-        if again
-        else {run.name: kept for run in sweep.runs if (kept := _load_result(folder, run))}
+        if redo
+        else {run.name: result for run in sweep.runs if (result := _load_result(folder, run))}
     )
-    waiting = [run for run in sweep.runs if run.name not in found]
+    waiting = [run for run in sweep.runs if run.name not in results]
     runs = len(waiting)
     count = 1 if cluster else process_count(runs, runs, sweep.memory, workers)
     with explain_disk_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own)}, indent=1))
-    tell(len(found), len(sweep.runs))
+    _write(folder / RECORD, json.dumps({"of": _MARK, "files": sorted(own_files)}, indent=1))
+    report_progress(len(results), len(sweep.runs))
     function = f"{__name__}:{execute_run.__name__}"
     answers = (
         run_on_cluster(cluster, execute_run, waiting)
@@ -167,54 +169,54 @@ def execute_sweep(
         with closing(answers):
             for number, answer in answers:
                 run = waiting[number]
-                found[run.name] = (
+                results[run.name] = (
                     answer if isinstance(answer, RunResult) else RunResult({}, str(answer))
                 )
-                _write_run(folder, run, found[run.name])
-                if perf_counter() - written > _OFTEN:
-                    _write(folder / TABLE, table_csv(sweep, found))
+                _write_run(folder, run, results[run.name])
+                if perf_counter() - written > _TABLE_INTERVAL:
+                    _write(folder / TABLE, table_csv(sweep, results))
                     written = perf_counter()
-                tell(len(found), len(sweep.runs))
+                report_progress(len(results), len(sweep.runs))
     finally:
         # The results so far are written even if the sweep is interrupted.
-        if found:
-            _write(folder / TABLE, table_csv(sweep, found))
-            errors = {name: result.error for name, result in found.items() if result.error}
+        if results:
+            _write(folder / TABLE, table_csv(sweep, results))
+            errors = {name: result.error for name, result in results.items() if result.error}
             files = {
-                run.name: picture_paths(folder, run) for run in sweep.runs if run.name in found
+                run.name: picture_paths(folder, run) for run in sweep.runs if run.name in results
             }
             files = {name: paths for name, paths in files.items() if name not in errors}
             sheet = contact_sheet(sweep, sweep.title, files, errors)
             with atomic_file(folder / SHEET) as file:
                 writer(file, "picture").write(file, sheet)
-    return found
+    return results
 
 
 def picture_paths(folder: Path, run: Run) -> list[Path]:
     """Return the paths of a run's pictures."""
     names = [run.name]
     if len(run.times) > 1:
-        told = [format_quantity(time, "s").replace(" ", "") for time in run.times]
-        names = [f"{run.name}_t={time}" for time in told]
+        time_texts = [format_quantity(time, "s").replace(" ", "") for time in run.times]
+        names = [f"{run.name}_t={time}" for time in time_texts]
     return [folder / f"{name}.png" for name in names]
 
 
-def table_rows(sweep: Sweep, found: Mapping[str, RunResult]) -> tuple[list[str], list[list[str]]]:
+def table_rows(sweep: Sweep, results: Mapping[str, RunResult]) -> tuple[list[str], list[list[str]]]:
     """Return headings and rows of the table: values, figures, duration and error of each run."""
-    figures = dict.fromkeys(name for run in found.values() for name in run.figures)
+    figures = dict.fromkeys(name for run in results.values() for name in run.figures)
     keys = [heading_with_unit(each.name, each.parameter.unit) for each in sweep.axes]
     rows = []
     for run in sweep.runs:
-        result = found.get(run.name, RunResult(error="not run"))
+        result = results.get(run.name, RunResult(error="not run"))
         values = [_format_value(*each) for each in zip(sweep.axes, run.chosen, strict=True)]
         numbers = [result.figures.get(name, "") for name in figures]
         rows.append([run.name, *values, *numbers, f"{result.seconds:.3g}", result.error])
     return ["run", *keys, *figures, "seconds [s]", "message"], rows
 
 
-def table_csv(sweep: Sweep, found: Mapping[str, RunResult]) -> str:
+def table_csv(sweep: Sweep, results: Mapping[str, RunResult]) -> str:
     """Return the table as CSV."""
-    headings, rows = table_rows(sweep, found)
+    headings, rows = table_rows(sweep, results)
     return format_csv([headings, *rows])
 
 
@@ -228,50 +230,51 @@ def _check_folder(folder: Path, sweep: Sweep) -> set[str]:
     """Return the names of all files of a sweep; refuse to overwrite files of another origin."""
     if folder.exists() and not folder.is_dir():
         raise InputError(
-            f"{folder}: a file of that name is in the way", cure="Choose another name."
+            f"{folder} is a file, but a sweep writes a folder", cure="Choose another name."
         )
-    own: set[str] = set()
+    own_files: set[str] = set()
     record = folder / RECORD
     if record.is_file():
         try:
-            told = json.loads(record.read_text(encoding="utf-8"))
-            own = set(told["files"]) if told["of"] == _MARK else set()
+            record_data = json.loads(record.read_text(encoding="utf-8"))
+            own_files = set(record_data["files"]) if record_data["of"] == _MARK else set()
         except (ValueError, KeyError, TypeError):
-            own = set()
+            own_files = set()
     files = {TABLE, SHEET, RECORD}
     for run in sweep.runs:
         files |= {path.name for path in picture_paths(folder, run)}
         files |= {f"{run.name}.toml", f"{run.name}.json"}
-    if foreign := sorted(name for name in files - own if (folder / name).exists()):
+    if foreign := sorted(name for name in files - own_files if (folder / name).exists()):
         raise InputError(
-            f"{folder / foreign[0]}: there already, and not of a sweep", cure="Choose a new folder."
+            f"{folder / foreign[0]} exists already and does not belong to this sweep",
+            cure="Choose a new folder.",
         )
-    return own | files
+    return own_files | files
 
 
 def _load_result(folder: Path, run: Run) -> RunResult | None:
     """Return the result of the same run in an earlier sweep; None if there is none or it failed."""
     try:
-        told = json.loads((folder / f"{run.name}.json").read_text(encoding="utf-8"))
-        same = told["digest"] == run.digest and not told["error"]
-        there = all(path.is_file() for path in picture_paths(folder, run))
-        if not same or not there:
+        record = json.loads((folder / f"{run.name}.json").read_text(encoding="utf-8"))
+        same = record["digest"] == run.digest and not record["error"]
+        complete = all(path.is_file() for path in picture_paths(folder, run))
+        if not same or not complete:
             return None
-        return RunResult(told["figures"], "", told["warnings"], told["seconds"])
+        return RunResult(record["figures"], "", record["warnings"], record["seconds"])
     except (OSError, ValueError, KeyError):
         return None
 
 
 def _write_run(folder: Path, run: Run, result: RunResult) -> None:
-    with atomic_files(folder / f"{run.name}.json") as place:
-        for path, content in zip(picture_paths(place, run), result.pictures, strict=False):
+    with atomic_files(folder / f"{run.name}.json") as temporary:
+        for path, content in zip(picture_paths(temporary, run), result.pictures, strict=False):
             write_parts(path, [content])
-        comment = f"Of a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
+        comment = f"From a sweep of {run.file.name}: {', '.join(run.labels) or 'one run'}."
         scene = format_scene(run.scene_values, comment)
-        write_parts(place / f"{run.name}.toml", [scene.encode()])
-        told = {"digest": run.digest, **asdict(replace(result, pictures=[]))}
-        text = json.dumps(told, indent=1, ensure_ascii=False)
-        write_parts(place / f"{run.name}.json", [text.encode()])
+        write_parts(temporary / f"{run.name}.toml", [scene.encode()])
+        record = {"digest": run.digest, **asdict(replace(result, pictures=[]))}
+        text = json.dumps(record, indent=1, ensure_ascii=False)
+        write_parts(temporary / f"{run.name}.json", [text.encode()])
 
 
 def _write(path: Path, text: str) -> None:

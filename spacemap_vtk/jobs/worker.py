@@ -30,8 +30,8 @@ _ERROR_PARTS = ("message", "section", "key", "value", "allowed", "cure")
 
 def make_request(job: Job, values: Mapping[str, Any], base: Path) -> str:
     """Return a job, the values of its scene and the scene's folder as the request for a worker."""
-    asked = {"job": job.as_json(), "output": str(job.output), "values": values, "base": str(base)}
-    return json.dumps(asked, default=str)
+    request = {"job": job.as_json(), "output": str(job.output), "values": values, "base": str(base)}
+    return json.dumps(request, default=str)
 
 
 def error_from_json(parts: Mapping[str, Any]) -> SpacemapError:
@@ -49,9 +49,9 @@ def main() -> None:
     try:
         from spacemap_vtk.scenes.scene import Scene
 
-        asked = json.loads(sys.stdin.read())
-        job = job_from_json(asked["job"], Path(asked["output"]))
-        scene = Scene(asked["values"], Path(asked["base"]))
+        request = json.loads(sys.stdin.read())
+        job = job_from_json(request["job"], Path(request["output"]))
+        scene = Scene(request["values"], Path(request["base"]))
         # Errors name the output file only, because the user does not know the hidden folder.
         with raise_on_signals(), explain_disk_errors(job.output, job.output.name):
             if job.kind != "draft":  # a draft is valid even if its yarns do not fit

@@ -80,7 +80,7 @@ class View3D(QWidget):
         #: Thumbnail that is shown until the scene is drawn.
         self.preview = Preview(self)
         #: All that is drawn except the clip plane's handle and the marks of picked points.
-        self.scene_view = SceneView(self.canvas.renderer, shades=False, samples=FINE_SAMPLES)
+        self.scene_view = SceneView(self.canvas.renderer, has_shadows=False, samples=FINE_SAMPLES)
         self.canvas.front.AddActor(self.scene_view.loads.pale_copy)
         self._place_signs = self.scene_view.annotations.detach_from_camera()
         self.canvas.shade.unshaded_areas = self.scene_view.annotations.boxes
@@ -436,11 +436,11 @@ class View3D(QWidget):
         if frame is None or camera_view is None:
             return self.viewpoint
         # The colour scale is drawn beside the scene, not over it.
-        bar_share = color_bar_share(size) if camera_view.window_center_x else 0.0
+        bar_share = color_bar_share(size) if camera_view.offset else 0.0
         aspect, other = (
             (1.0 - share) * width / height
             for share, (width, height) in (
-                (camera_view.window_center_x, camera_view.size),
+                (camera_view.offset, camera_view.size),
                 (bar_share, size),
             )
         )

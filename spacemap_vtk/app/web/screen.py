@@ -32,7 +32,7 @@ class Screen:
 
     def __init__(self) -> None:
         self.window = OffscreenWindow((960, 720))
-        self.scene_view = SceneView(self.window.renderer, shades=False)
+        self.scene_view = SceneView(self.window.renderer, has_shadows=False)
         self.window.add_front_prop(self.scene_view.loads.pale_copy)
         self.frame: Frame | None = None
         #: Counter of changes of the picture.

@@ -35,12 +35,12 @@ def color_values(surface: vtkPolyData, color: str) -> Singles | None:
     """Return the number that the colour shows at each point; None if it shows no numbers."""
     if color == "clearance":
         return _cached_clearances(surface)
-    name, of_cells = COLORINGS[color].array, surface.GetCellData()
+    name, cell_data = COLORINGS[color].array, surface.GetCellData()
     array = surface.GetPointData().GetArray(name)
-    if not COLORINGS[color].has_scale or (array is None and not of_cells.HasArray(name)):
+    if not COLORINGS[color].has_scale or (array is None and not cell_data.HasArray(name)):
         return None
     values = (
-        _cell_values_at_points(surface, of_cells.GetArray(name))
+        _cell_values_at_points(surface, cell_data.GetArray(name))
         if array is None
         else vtk_to_numpy(array)
     )
@@ -90,14 +90,14 @@ def scale_unit(color: str, largest: float) -> tuple[str, float]:
     return best, sizes[best]
 
 
-def round_ticks(low: float, high: float, most: int = 6) -> list[float]:
+def round_ticks(low: float, high: float, max_count: int = 6) -> list[float]:
     """Return evenly spaced round numbers within a scale, including zero if it is in the scale."""
     span = high - low
     if not span > 0.0:
         return [low]
-    size = 10.0 ** np.floor(np.log10(span / most))
+    size = 10.0 ** np.floor(np.log10(span / max_count))
     steps = (n * size for n in (1.0, 2.0, 2.5, 5.0, 10.0))
-    step = next(s for s in steps if np.floor(span / s * (1 + 1e-9)) + 1 <= most)
+    step = next(s for s in steps if np.floor(span / s * (1 + 1e-9)) + 1 <= max_count)
     first, last = np.ceil(low / step - 1e-6), np.floor(high / step + 1e-6)
     return [float(f"{k * step:.12g}") for k in range(int(first), int(last) + 1)]
 
@@ -117,9 +117,9 @@ def _corners(surface: vtkPolyData) -> Ints:
 
 def _cell_values_at_points(surface: vtkPolyData, array: vtkDataArray) -> NDArray[Any]:
     """Return the value of its cell for each point; no point belongs to two cells."""
-    of_cells = vtk_to_numpy(array)
-    values = np.zeros((surface.GetNumberOfPoints(), *of_cells.shape[1:]), of_cells.dtype)
-    values[_corners(surface)] = of_cells[:, None]
+    cell_values = vtk_to_numpy(array)
+    values = np.zeros((surface.GetNumberOfPoints(), *cell_values.shape[1:]), cell_values.dtype)
+    values[_corners(surface)] = cell_values[:, None]
     return values
 
 
@@ -132,33 +132,35 @@ def _cached_clearances(surface: vtkPolyData) -> Singles | None:
     global _last
     # VTK's modification times are unique, so they identify points, normals and polygons.
     parts = surface.GetPoints(), surface.GetPointData().GetNormals(), surface.GetPolys()
-    made = tuple(0 if part is None else part.GetMTime() for part in parts)
-    kept = _last  # read once: another thread may replace it
-    if kept[0] != made:
-        kept = _last = made, compute_clearances(surface)
-    return kept[1]
+    times = tuple(0 if part is None else part.GetMTime() for part in parts)
+    cached = _last  # read once: another thread may replace it
+    if cached[0] != times:
+        cached = _last = times, compute_clearances(surface)
+    return cached[1]
 
 
-def compute_clearances(surface: vtkPolyData, asked: Bools | None = None) -> Singles | None:
+def compute_clearances(surface: vtkPolyData, cells: Bools | None = None) -> Singles | None:
     """Return the distance of each point to the next yarn; infinite outside the `asked` cells."""
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
     if yarns is None or normals is None or not surface.GetNumberOfCells():
         return None
     corners, families = _corners(surface), surface.GetCellData().GetArray("family")
-    points, wanted = points_of(surface).astype(np.float64), None
-    number = 2 * vtk_to_numpy(yarns).astype(np.int64)
+    points, measured = points_of(surface).astype(np.float64), None
+    yarn_and_family = 2 * vtk_to_numpy(yarns).astype(np.int64)
     if families is not None:
-        number += vtk_to_numpy(families)  # lowest bit: `gaps` compares the families first
+        yarn_and_family += vtk_to_numpy(
+            families
+        )  # lowest bit: `point_clearances` compares the families first
     yarn, reach = np.zeros(len(points), np.int64), np.zeros(len(points))
-    yarn[corners] = number[:, None]
+    yarn[corners] = yarn_and_family[:, None]
     # Neighbouring patches have coincident points. Only one of these needs a reach, and a point that
     # is the first corner of a facet gets one.
     reach[corners[:, 0]] = 0.5 * np.linalg.norm(
         points[corners[:, 0]] - points[corners[:, 2]], axis=1
     )
-    if asked is not None:
-        wanted = np.zeros(len(points), bool)
-        wanted[corners[asked]] = True
-    found = point_clearances(points, vtk_to_numpy(normals), yarn, reach, wanted, reach > 0.0)
-    there = found if wanted is None else found[wanted]
-    return found.astype(np.float32) if np.isfinite(there).all() else None
+    if cells is not None:
+        measured = np.zeros(len(points), bool)
+        measured[corners[cells]] = True
+    clearances = point_clearances(points, vtk_to_numpy(normals), yarn, reach, measured, reach > 0.0)
+    finite = clearances if measured is None else clearances[measured]
+    return clearances.astype(np.float32) if np.isfinite(finite).all() else None

@@ -17,63 +17,67 @@ from spacemap_vtk.ndarrays import Bools, Floats, Singles
 
 #: Radius of the surroundings in yarn diameters, and largest darkening by it, for two radii.
 SCALES = ((0.35, 0.55), (1.0, 0.5))
-#: The depth is blurred at a lower resolution, because a blurred image has no detail to lose.
-#: _COARSER: least factor of reduction. _LEAST: the factor is doubled as long as the radius keeps at
-#: least this many pixels.
-_COARSER, _LEAST = 4, 3.0
+#: Least factor by which the resolution is reduced before blurring: a blurred image has no detail.
+_COARSER = 4
+#: The factor is doubled as long as the blur radius keeps at least this many pixels.
+_LEAST_RADIUS = 3.0
 #: Number of rows or columns that are processed at a time.
 STRIP = 64
 
 
 def contact_shadows(
-    depth: Singles, diameter: float, diameter_pixels: float, strength: float = 1.0, thin: int = 0
+    depth: Singles,
+    diameter: float,
+    diameter_pixels: float,
+    strength: float = 1.0,
+    line_width: int = 0,
 ) -> Singles:
     """Return each pixel's brightness factor; lines up to 2 `thin` pixels wide cast no shadow."""
     height, width = depth.shape
-    there = np.isfinite(depth)
-    filled = np.where(there, depth, np.float32(0.0))
-    casting = [filled, there.astype(np.float32)]
-    if thin:
-        far = _dilate(np.where(there, depth, np.float32(np.inf)), thin)
-        stays = np.isfinite(far)
-        casting = [np.where(stays, far, np.float32(0.0)), stays.astype(np.float32)]
-        there &= _dilate(stays, thin)  # pixels that only lines cover stay unshaded
+    covered = np.isfinite(depth)
+    filled = np.where(covered, depth, np.float32(0.0))
+    casting = [filled, covered.astype(np.float32)]
+    if line_width:
+        dilated = _dilate(np.where(covered, depth, np.float32(np.inf)), line_width)
+        solid = np.isfinite(dilated)
+        casting = [np.where(solid, dilated, np.float32(0.0)), solid.astype(np.float32)]
+        covered &= _dilate(solid, line_width)  # pixels that only lines cover stay unshaded
     coarse = [_downsample(part, _COARSER) for part in casting]
-    coarser, shades = _COARSER, []
-    for radius, deepest in SCALES:
-        darkness = strength * deepest
+    factor, shades = _COARSER, []
+    for radius, darkest in SCALES:
+        darkness = strength * darkest
         spread = radius * diameter_pixels
-        while spread >= 2 * _LEAST * coarser:
-            coarse, coarser = [_downsample(part, 2) for part in coarse], 2 * coarser
-        near, weight = (blur(part, max(0.7, spread / coarser)) for part in coarse)
+        while spread >= 2 * _LEAST_RADIUS * factor:
+            coarse, factor = [_downsample(part, 2) for part in coarse], 2 * factor
+        near, weight = (blur(part, max(0.7, spread / factor)) for part in coarse)
         slope = np.float32(darkness / (radius * diameter))
         # The factor is 1 - slope * (depth - mean depth), but never less than 1 - darkness.
         mean = 1 + slope * near / np.maximum(weight, np.float32(1e-6))
-        tall = np.ascontiguousarray(_upsample(np.ascontiguousarray(mean.T), coarser, height).T)
-        shades.append((tall, coarser, slope, np.float32(1.0 - darkness)))
+        tall = np.ascontiguousarray(_upsample(np.ascontiguousarray(mean.T), factor, height).T)
+        shades.append((tall, factor, slope, np.float32(1.0 - darkness)))
     light = np.ones(depth.shape, dtype=np.float32)
     for rows in row_strips(height):
         part = light[rows]
-        for tall, coarser, slope, least in shades:
-            kept = _upsample(tall[rows], coarser, width)
-            kept -= slope * filled[rows]
-            part *= np.clip(kept, least, np.float32(1.0), out=kept)
-        part[~there[rows]] = 1.0
+        for tall, factor, slope, least in shades:
+            shade = _upsample(tall[rows], factor, width)
+            shade -= slope * filled[rows]
+            part *= np.clip(shade, least, np.float32(1.0), out=shade)
+        part[~covered[rows]] = 1.0
     return light
 
 
-def covered_part(there: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:
+def covered_part(covered: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:
     """Return rows and columns around all covered pixels, in whole coarse pixels; None if empty."""
     block = _COARSER
-    while max(SCALES)[0] * diameter_pixels >= 2 * _LEAST * block:
+    while max(SCALES)[0] * diameter_pixels >= 2 * _LEAST_RADIUS * block:
         block *= 2
     sides = []
     for axis in (1, 0):
-        found = np.flatnonzero(there.any(axis=axis))
-        if not len(found):
+        indices = np.flatnonzero(covered.any(axis=axis))
+        if not len(indices):
             return None
-        begin, end = found[0] // block - 1, found[-1] // block + 2
-        sides.append(slice(max(0, begin * block), min(end * block, there.shape[1 - axis])))
+        begin, end = indices[0] // block - 1, indices[-1] // block + 2
+        sides.append(slice(max(0, begin * block), min(end * block, covered.shape[1 - axis])))
     return sides[0], sides[1]
 
 

@@ -19,17 +19,18 @@ from spacemap_vtk.draw.actors.surface_actor import STUDIO, Span, SurfaceActor
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.scenes.styles import WHITE, Style
 
-#: Distances as shares of a face's extent. _SAME: nearer corners are merged. _SEAM: an outline
-#: continues in another patch that begins nearer than this.
-_SAME, _SEAM = 1e-6, 1e-3
+#: Corners that are nearer than this are merged, as a share of the face's extent.
+_MERGE_DISTANCE = 1e-6
+#: An outline continues in another patch that begins nearer than this, as a share of the extent.
+_SEAM_DISTANCE = 1e-3
 #: A part of the face with less than this share of the largest part's area is rounding.
-_NOTHING = 1e-5
+_NEGLIGIBLE_AREA = 1e-5
 #: Distance between the plane and the actual cut, as a share of the surface's diagonal.
-_BESIDE = 1e-6
+_OFFSET = 1e-6
 #: Distance at which a face is drawn in front of the plane, as a share of the surface's diagonal.
-_BEFORE = 2e-4
+_FRONT_DISTANCE = 2e-4
 #: Brightness of a face, as a share of its colour: slightly darker than a lit surface.
-BRIGHT = 0.78
+BRIGHTNESS = 0.78
 
 
 class CutFaceActor(SurfaceActor):
@@ -40,8 +41,8 @@ class CutFaceActor(SurfaceActor):
         self.SetPickable(False)
 
     def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
-        bright = (BRIGHT**2,) * 3 if style.lamps else WHITE
-        flat = replace(style.for_numbers, sky=bright, earth=bright, facing=0.0)
+        light = (BRIGHTNESS**2,) * 3 if style.lamps else WHITE
+        flat = replace(style.for_numbers, sky=light, earth=light, facing=0.0)
         super()._apply_style(surface, flat, point)
 
     def fill(
@@ -49,7 +50,7 @@ class CutFaceActor(SurfaceActor):
         surface: vtkPolyData,
         cut: Cut | None,
         color: str,
-        plain: Sequence[int],
+        plain_color: Sequence[int],
         span: Span | None,
         style: Style = STUDIO,
     ) -> None:
@@ -57,10 +58,10 @@ class CutFaceActor(SurfaceActor):
         face = vtkPolyData() if cut is None else compute_cut_face(surface, cut)
         self.SetVisibility(face.GetNumberOfCells() > 0)
         if cut is not None and face.GetNumberOfCells():
-            self.show(face, color, plain, span, style=replace(style, outline=0.0, sheen=0.0))
+            self.show(face, color, plain_color, span, style=replace(style, outline=0.0, sheen=0.0))
             # The plane that the user drags lies in the same place and would hide the face.
-            way = np.array(cut[0]) / np.linalg.norm(cut[0])
-            self.SetPosition(*(-_BEFORE * surface.GetLength() * way).tolist())
+            normal = np.array(cut[0]) / np.linalg.norm(cut[0])
+            self.SetPosition(*(-_FRONT_DISTANCE * surface.GetLength() * normal).tolist())
 
 
 def compute_cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
@@ -73,7 +74,7 @@ def compute_cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     normal /= np.linalg.norm(normal)
     # Planes often pass through a centre, where patches meet whose points differ by rounding. With a
     # small offset all these points are on the same side.
-    height = (points - cut[1]) @ normal + _BESIDE * surface.GetLength()
+    height = (points - cut[1]) @ normal + _OFFSET * surface.GetLength()
     triangles, cells = _crossing_triangles(surface, height >= 0.0)
     if not len(triangles):
         return face
@@ -84,7 +85,7 @@ def compute_cut_face(surface: vtkPolyData, cut: Cut) -> vtkPolyData:
     parts = np.zeros(len(cells)) if yarns is None else vtk_to_numpy(yarns)[cells]
     loops, first = _loops(segments, corners, parts)
     areas = np.array([_area(corners[loop], normal) for loop in loops])
-    kept = np.nonzero(np.abs(areas) > _NOTHING * np.abs(areas).max(initial=0.0))[0]
+    kept = np.nonzero(np.abs(areas) > _NEGLIGIBLE_AREA * np.abs(areas).max(initial=0.0))[0]
     if not len(kept):
         return face
     loops = [loops[k] for k in kept]
@@ -110,28 +111,28 @@ def _crossing_triangles(surface: vtkPolyData, above: Bools) -> tuple[Ints, Ints]
     cut = np.nonzero((count > 0) & (count < sizes))[0]
     triangles, cells = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)]
     for size in np.unique(sizes[cut]):
-        of_size = cut[sizes[cut] == size]
-        corners = numbers[offsets[of_size][:, None] + np.arange(size)]
+        of_this_size = cut[sizes[cut] == size]
+        corners = numbers[offsets[of_this_size][:, None] + np.arange(size)]
         for k in range(1, int(size) - 1):
             triangles.append(corners[:, [0, k, k + 1]].astype(np.int64))
-            cells.append(of_size)
-    found, of = np.concatenate(triangles), np.concatenate(cells)
-    mixed = np.ptp(above[found].astype(np.int8), axis=1) > 0
+            cells.append(of_this_size)
+    all_triangles, all_cells = np.concatenate(triangles), np.concatenate(cells)
+    crossing = np.ptp(above[all_triangles].astype(np.int8), axis=1) > 0
     # Cell data begins with the vertices and lines, if there are any.
     before = surface.GetNumberOfVerts() + surface.GetNumberOfLines()
-    return found[mixed], of[mixed] + before
+    return all_triangles[crossing], all_cells[crossing] + before
 
 
 def _segments(triangles: Ints, above: Bools) -> tuple[Ints, Ints]:
     """Return the cut edges (n, 2), and for each triangle the edge where it begins and ends."""
     side = above[triangles]
-    lone = np.argmax(side != (side.sum(axis=1) > 1)[:, None], axis=1)
+    single = np.argmax(side != (side.sum(axis=1) > 1)[:, None], axis=1)
     rows = np.arange(len(triangles))
-    turned = triangles[rows[:, None], (lone[:, None] + [0, 1, 2]) % 3]
-    edges = np.stack([turned[:, [0, 1]], turned[:, [0, 2]]], axis=1)
+    rotated = triangles[rows[:, None], (single[:, None] + [0, 1, 2]) % 3]
+    edges = np.stack([rotated[:, [0, 1]], rotated[:, [0, 2]]], axis=1)
     # Around each triangle, the outline crosses one edge downwards and another upwards. A neighbour
     # that shares an edge crosses it in the opposite direction.
-    rising = ~side[rows, lone]
+    rising = ~side[rows, single]
     edges[rising] = edges[rising][:, ::-1]
     pairs, number = np.unique(np.sort(edges, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
     return pairs, number.reshape(-1, 2)
@@ -140,24 +141,24 @@ def _segments(triangles: Ints, above: Bools) -> tuple[Ints, Ints]:
 def _loops(segments: Ints, corners: Floats, parts: NDArray[Any]) -> tuple[list[Ints], Ints]:
     """Return the closed outlines of the face, and the index of one segment of each."""
     follower = dict(zip(segments[:, 0].tolist(), segments[:, 1].tolist(), strict=True))
-    of = dict(zip(segments[:, 0].tolist(), range(len(segments)), strict=True))
+    segment_of = dict(zip(segments[:, 0].tolist(), range(len(segments)), strict=True))
     extent = float(np.ptp(corners, axis=0).max())
     follower.update(_seams(segments, corners / extent, parts))
     loops, first = [], []
     while follower:
-        start, at = follower.popitem()
+        start, next_corner = follower.popitem()
         loop = [start]
-        while at != start and at in follower:
-            loop.append(at)
-            at = follower.pop(at)
-        if at != start:
+        while next_corner != start and next_corner in follower:
+            loop.append(next_corner)
+            next_corner = follower.pop(next_corner)
+        if next_corner != start:
             continue
         ring = np.array(loop, np.int64)
         steps = np.abs(corners[ring] - corners[np.roll(ring, 1)]).max(axis=1)
-        ring = ring[steps > _SAME * extent]
+        ring = ring[steps > _MERGE_DISTANCE * extent]
         if len(ring) > 2:
             loops.append(ring)
-            first.append(next(of[corner] for corner in loop if corner in of))
+            first.append(next(segment_of[corner] for corner in loop if corner in segment_of))
     return loops, np.array(first, np.int64)
 
 
@@ -178,7 +179,7 @@ def _seams(segments: Ints, corners: Floats, parts: NDArray[Any]) -> dict[int, in
         order = np.argsort(distance, kind="stable")
         taken, which = np.unique(nearest[order], return_index=True)
         joined = order[which]
-        joined, taken = (rows[distance[joined] < _SEAM] for rows in (joined, taken))
+        joined, taken = (rows[distance[joined] < _SEAM_DISTANCE] for rows in (joined, taken))
         if not len(joined):
             break
         ends, starts = segments[last[joined], 1], segments[next_[taken], 0]

@@ -29,35 +29,46 @@ from spacemap_vtk.scenes.styles import Style
 #: Normal and origin of a clipping plane; the normal points to the side that remains visible.
 Cut = tuple[tuple[float, float, float], tuple[float, float, float]]
 
-#: Widths in points: DOT of a support's dot, PICKED of the dot at a picked point, LINE of the
-#: cage's lines if nothing else is drawn.
-DOT, PICKED, LINE = 9.0, 14.0, 1.5
-#: THIN: width in points of the cage's lines over the cloth. _FAINT: opacity of these lines, for a
-#: cage and for a dense cage.
-THIN, _FAINT = 1.2, (0.55, 0.45)
+#: Width of a support's dot, in points.
+DOT = 9.0
+#: Width of the dot at a picked point, in points.
+PICKED = 14.0
+#: Width of the cage's lines in points, if nothing else is drawn.
+LINE = 1.5
+#: Width of the cage's lines over the cloth, in points.
+THIN = 1.2
+#: Opacity of the cage's lines over the cloth, for a cage and for a dense cage.
+_LINE_OPACITIES = (0.55, 0.45)
 #: If a cage has more tetrahedra than this, only the edges of its surface are drawn.
-_DENSE = 1000
+_DENSE_CAGE = 1000
 
-#: _MARGIN: margin of the shadow's image on each side, as a share of the image. _CELLS: largest
-#: number of cells along the rest. _POINTS: points for each cell along a side; with fewer the shadow
-#: would have holes.
-_MARGIN, _CELLS, _POINTS = 0.21, 92, 1.5
-#: _MOST: largest number of points that cast a shadow. _SLICES: number of horizontal slices that are
-#: blurred separately. _SHARP: blur of a point on the ground, as a share of the shadow's length.
-#: _SOFT: additional blur of a point that is as high as the shadow is long.
-_MOST, _SLICES, _SHARP, _SOFT = 150_000, 4, 0.01, 0.1
+#: Margin of the shadow's image on each side, as a share of the image.
+_SHADOW_MARGIN = 0.21
+#: Largest number of cells along the rest of the image.
+_MAX_CELLS = 92
+#: Points for each cell along a side; with fewer the shadow would have holes.
+_POINTS_PER_CELL = 1.5
+#: Largest number of points that cast a shadow.
+_MAX_POINTS = 150_000
+#: Number of horizontal slices that are blurred separately.
+_SLICES = 4
+#: Blur of a point on the ground, as a share of the shadow's length.
+_GROUND_BLUR = 0.01
+#: Additional blur of a point that is as high as the shadow is long.
+_HEIGHT_BLUR = 0.1
 
 #: Vertex shader that moves the vertices of an outline away from the yarn's axis and backwards.
-_WIDER = """
+_ENLARGE = """
   //VTK::PositionVC::Impl
   vec2 away = (normalMatrix * normalMC).xy;
   vec2 across = vec2(length(vec3(MCDCMatrix[0][0], MCDCMatrix[1][0], MCDCMatrix[2][0])),
                      length(vec3(MCDCMatrix[0][1], MCDCMatrix[1][1], MCDCMatrix[2][1])));
-  gl_Position.xy += away / max(length(away), 1e-6) * min(wider * gl_Position.w, most * across);
-  // Behind what it surrounds, should that be open.
+  vec2 shift = min(lineWidth * gl_Position.w, maxWidth * across);
+  gl_Position.xy += away / max(length(away), 1e-6) * shift;
+  // The outline is moved behind the surface that it surrounds, in case that surface is open.
   vec4 back = gl_Position;
-  back.z += 0.2 * most * length(vec3(MCDCMatrix[0][2], MCDCMatrix[1][2], MCDCMatrix[2][2]));
-  back.w += 0.2 * most * length(vec3(MCDCMatrix[0][3], MCDCMatrix[1][3], MCDCMatrix[2][3]));
+  back.z += 0.2 * maxWidth * length(vec3(MCDCMatrix[0][2], MCDCMatrix[1][2], MCDCMatrix[2][2]));
+  back.w += 0.2 * maxWidth * length(vec3(MCDCMatrix[0][3], MCDCMatrix[1][3], MCDCMatrix[2][3]));
   gl_Position = vec4(gl_Position.xy * back.w / gl_Position.w, back.zw);
 """
 
@@ -78,25 +89,31 @@ class OutlineActor(PlainActor):
     def __init__(self) -> None:
         super().__init__()
         self.GetMapper().SetVBOShiftScaleMethod(0)
-        #: `wider`: width of the lines, as shares of half the picture's width and height.
-        #: `most`: largest width of the lines [m].
-        self.width, self.max_width = (0.0, 0.0), 0.0
+        #: Width of the lines, as shares of half the picture's width and height.
+        self.width = (0.0, 0.0)
+        #: Largest width of the lines [m].
+        self.max_width = 0.0
         self.GetProperty().FrontfaceCullingOn()
         shader = self.GetShaderProperty()
-        shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _WIDER, False)
+        shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, _ENLARGE, False)
         line = "  gl_FragData[0] = vec4(diffuseColor, 1.0);"
         shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, line, False)
 
     def show(
-        self, surface: vtkPolyData, style: Style, pixels: float, size: tuple[int, int], most: float
+        self,
+        surface: vtkPolyData,
+        style: Style,
+        pixels: float,
+        size: tuple[int, int],
+        max_width: float,
     ) -> None:
-        """Draw lines with a width in pixels, in a picture of `size`, but at most `most` m wide."""
+        """Draw lines `pixels` wide, in a picture of `size`, but at most `max_width` m wide."""
         self.GetMapper().SetInputData(surface)
         self.GetProperty().SetColor(*(part / 255 for part in style.outline_color))
         uniforms = self.GetShaderProperty().GetVertexCustomUniforms()
-        self.width, self.max_width = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), most
-        uniforms.SetUniform2f("wider", self.width)
-        uniforms.SetUniformf("most", most)
+        self.width, self.max_width = (2.0 * pixels / size[0], 2.0 * pixels / size[1]), max_width
+        uniforms.SetUniform2f("lineWidth", self.width)
+        uniforms.SetUniformf("maxWidth", max_width)
 
 
 class GhostActor(PlainActor):
@@ -132,12 +149,15 @@ class CageActor(PlainActor):
         self._edges: tuple[Ints, vtkCellArray] | None = None
 
     def show(
-        self, cage: vtkUnstructuredGrid | None, point: float = 1.0, over: bool = False
+        self, cage: vtkUnstructuredGrid | None, pixels_per_point: float = 1.0, thin: bool = False
     ) -> None:
         """Draw a cage; `point` is pixels per point, `over` makes the lines thin and translucent."""
-        lines, faint = vtkPolyData(), _FAINT[cage is not None and cage.GetNumberOfCells() > _DENSE]
-        self.GetProperty().SetLineWidth((THIN if over else LINE) * point)
-        self.GetProperty().SetOpacity(faint if over else 1.0)
+        lines, opacity = (
+            vtkPolyData(),
+            _LINE_OPACITIES[cage is not None and cage.GetNumberOfCells() > _DENSE_CAGE],
+        )
+        self.GetProperty().SetLineWidth((THIN if thin else LINE) * pixels_per_point)
+        self.GetProperty().SetOpacity(opacity if thin else 1.0)
         if cage is not None:
             elements = elements_of(cage)
             # Elements are compared by content: a box of another size often has the same edges.
@@ -163,21 +183,24 @@ class GroundActor(PlainActor):
 
     def show(self, points: AnyFloats, up: int, floor: float, strength: float) -> None:
         """Draw the shadow of points (n, 3) on a floor at height `floor` along the axis `up`."""
-        points = points[:: 1 + len(points) // _MOST]
+        points = points[:: 1 + len(points) // _MAX_POINTS]
         sides = [(up + 1) % 3, (up + 2) % 3]
         low, high = points[:, sides].min(axis=0), points[:, sides].max(axis=0)
-        length = float((high - low).max()) / (1.0 - 2.0 * _MARGIN) or 1.0
-        cells = int(min(_CELLS, np.sqrt(len(points)) / _POINTS + 8) / (1.0 - 2.0 * _MARGIN))
+        length = float((high - low).max()) / (1.0 - 2.0 * _SHADOW_MARGIN) or 1.0
+        cells = int(
+            min(_MAX_CELLS, np.sqrt(len(points)) / _POINTS_PER_CELL + 8)
+            / (1.0 - 2.0 * _SHADOW_MARGIN)
+        )
         corner = 0.5 * (low + high) - 0.5 * length
         places = ((points[:, sides] - corner) * (cells / length)).astype(np.int64) @ (1, cells)
         heights = (points[:, up] - floor) / length
         slices = np.minimum(heights * _SLICES, _SLICES - 1).astype(np.int64)
         light = np.ones((cells, cells), np.float32)
         for number in range(_SLICES):
-            found = np.bincount(places[slices == number], minlength=cells**2) > 0
-            if found.any():
-                spread = cells * (_SHARP + _SOFT * (number + 0.5) / _SLICES)
-                cast = blur(found.reshape(cells, cells).astype(np.float32), spread)
+            covered = np.bincount(places[slices == number], minlength=cells**2) > 0
+            if covered.any():
+                spread = cells * (_GROUND_BLUR + _HEIGHT_BLUR * (number + 0.5) / _SLICES)
+                cast = blur(covered.reshape(cells, cells).astype(np.float32), spread)
                 light *= 1.0 - cast
         black = np.zeros((cells, cells, 4), np.uint8)
         black[..., 3] = np.rint(255.0 * strength * (1.0 - light))
@@ -222,8 +245,10 @@ class SupportActor(DotsActor):
         if (rest, fixed) == self._shown and fixed is not None:
             return
         self._shown = rest, fixed
-        held = cage is not None and fixed is not None
-        self.set_points(points_of(cage)[vtk_to_numpy(fixed) != 0] if held else np.zeros((0, 3)))
+        has_supports = cage is not None and fixed is not None
+        self.set_points(
+            points_of(cage)[vtk_to_numpy(fixed) != 0] if has_supports else np.zeros((0, 3))
+        )
 
 
 class LoadActor(vtkActor):
@@ -238,24 +263,24 @@ class LoadActor(vtkActor):
             actor.SetMapper(_make_arrow_mapper())
             actor.SetPickable(False)
         self.GetProperty().SetAmbient(0.35)
-        look = self.pale_copy.GetProperty()
-        look.SetLighting(False)
-        look.SetOpacity(0.7)
-        look.BackfaceCullingOn()
+        properties = self.pale_copy.GetProperty()
+        properties.SetLighting(False)
+        properties.SetOpacity(0.7)
+        properties.BackfaceCullingOn()
 
     def show(self, arrows: Arrows | None, cut: Cut | None = None) -> None:
         """Draw arrows; a cut hides those whose load acts on the hidden side."""
-        places = vtkPolyData()
+        data = vtkPolyData()
         if arrows is not None and len(arrows.starts):
-            seen = np.ones(len(arrows.starts), bool)
+            visible = np.ones(len(arrows.starts), bool)
             if cut is not None:
-                seen = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
+                visible = ~((arrows.places - cut[1]) @ np.array(cut[0]) < 0.0)
             colors = rgb_table([ARROW_COLORS[k] for k in arrows.kinds])
-            places.SetPoints(to_points(arrows.starts[seen]))
-            places.GetPointData().AddArray(to_array(arrows.vectors[seen], "vector"))
-            places.GetPointData().AddArray(to_array(colors[seen], "color"))
+            data.SetPoints(to_points(arrows.starts[visible]))
+            data.GetPointData().AddArray(to_array(arrows.vectors[visible], "vector"))
+            data.GetPointData().AddArray(to_array(colors[visible], "color"))
         for actor in (self, self.pale_copy):
-            actor.GetMapper().SetInputData(places)
+            actor.GetMapper().SetInputData(data)
 
 
 def _make_arrow_mapper() -> vtkGlyph3DMapper:
@@ -284,13 +309,13 @@ def _cage_edges(elements: Ints, points: AnyFloats) -> Ints:
     """Return distinct edges (n, 2): of a dense cage the surface's; half edges for 10 nodes."""
     ends = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]])
     shown = np.ones((len(elements), 6), bool)
-    if len(elements) > _DENSE:
+    if len(elements) > _DENSE_CAGE:
         corners = points[elements[:, :4]]
         positive = np.linalg.det(corners[:, 1:] - corners[:, :1]) > 0.0
-        whose, face = boundary_faces(elements[:, :4], positive)
+        tetrahedra, face = boundary_faces(elements[:, :4], positive)
         shown[:] = False
         # A face contains the edges that do not end at the opposite corner.
-        np.logical_or.at(shown, whose, (ends != face[:, None, None]).all(axis=2))
+        np.logical_or.at(shown, tetrahedra, (ends != face[:, None, None]).all(axis=2))
     if elements.shape[1] == 10:
         ends = np.stack([ends, np.stack([np.arange(4, 10)] * 2, axis=1)], axis=2)
     pairs = np.sort(elements[:, ends][shown].reshape(-1, 2), axis=1)
@@ -300,8 +325,12 @@ def _cage_edges(elements: Ints, points: AnyFloats) -> Ints:
 
 def rest_points(surface: vtkPolyData) -> AnyFloats:
     """Return the rest positions of a surface's points."""
-    moved = surface.GetPointData().GetArray("displacement")
-    return points_of(surface) if moved is None else points_of(surface) - vtk_to_numpy(moved)
+    displacement = surface.GetPointData().GetArray("displacement")
+    return (
+        points_of(surface)
+        if displacement is None
+        else points_of(surface) - vtk_to_numpy(displacement)
+    )
 
 
 def cut_of(view: View, surface: vtkPolyData) -> Cut | None:

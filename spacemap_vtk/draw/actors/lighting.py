@@ -19,36 +19,36 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.styles import Style
 
 #: Largest number of lamps of a style.
-_LAMPS = 3
+_MAX_LAMPS = 3
 
 #: GLSL functions that light a surface; `lighting_code` puts the constants before them.
 _FUNCTIONS = """
-// Light that leaves a surface: in its own colour, and white.
-vec4 lit(vec3 n, vec3 eye)
+// Light that a surface reflects: rgb is multiplied by the surface's colour, alpha is white.
+vec4 reflectedLight(vec3 n, vec3 eye)
 {
-  vec3 own = mix(earth, sky, 0.5 + 0.5 * n.y);
-  own += max(dot(n, towards0) + wrap, 0.0) * lamp0;
-  own += max(dot(n, towards1) + wrap, 0.0) * lamp1;
-  own += max(dot(n, towards2) + wrap, 0.0) * lamp2;
+  vec3 received = mix(earth, sky, 0.5 + 0.5 * n.y);
+  received += max(dot(n, towards0) + wrap, 0.0) * lamp0;
+  received += max(dot(n, towards1) + wrap, 0.0) * lamp1;
+  received += max(dot(n, towards2) + wrap, 0.0) * lamp2;
   float front = max(dot(n, eye), 0.0), aside = 1.0 - front, away = max(1.0 - front / 0.75, 0.0);
-  own *= 1.0 - facing * away * away;
+  received *= 1.0 - facing * away * away;
   float white = gloss * pow(max(dot(n, halfway), 0.0), glossPower);
-  white += sheen * aside * aside * aside * own.g;
-  return vec4(own, white);
+  white += sheen * aside * aside * aside * received.g;
+  return vec4(received, white);
 }
 
-// The colour that a style has for one.
-vec3 tinted(vec3 hue)
+// Colour in which the style shows a hue.
+vec3 styleColor(vec3 hue)
 {
   return mix(mix(dark, pale, dot(hue, vec3(0.299, 0.587, 0.114))), hue, colored);
 }
 
-// What is seen of a colour under the light, and under a line; fibres that stand out keep something
-// of theirs.
-vec3 seen(vec3 hue, vec4 light, float line)
+// Visible colour of a hue under a light, covered by an outline with the coverage `line`. White
+// light keeps some of the hue, as from fibres that stand out.
+vec3 visibleColor(vec3 hue, vec4 light, float line)
 {
-  vec3 own = tinted(hue);
-  return mix(sqrt(own * own * light.rgb + light.a * mix(vec3(1.0), own, 0.4)), ink, line);
+  vec3 base = styleColor(hue);
+  return mix(sqrt(base * base * light.rgb + light.a * mix(vec3(1.0), base, 0.4)), ink, line);
 }
 """
 
@@ -58,7 +58,8 @@ _LINE = """
   float line = 0.0;
   if (lineWidth > 0.0)
   {
-    // Of what is round, the edge is half so far as the cosine takes to fall to naught.
+    // On a round surface, the cosine between normal and view falls to zero over twice the distance
+    // to the edge.
     float front = dot(normalVCVSOutput, eye);
     float slope = length(vec2(dFdx(front), dFdy(front)));
     line = 1.0 - smoothstep(lineWidth - 0.7, lineWidth + 0.7, 0.5 * front / max(slope, 1e-6));
@@ -67,16 +68,17 @@ _LINE = """
 """
 #: Fragment shader code that replaces VTK's lights on a smooth surface.
 _FRAGMENT = f"""{_LINE}
-  gl_FragData[0] = vec4(seen(diffuseColor, lit(normalVCVSOutput, eye), line), opacity);
+  vec4 light = reflectedLight(normalVCVSOutput, eye);
+  gl_FragData[0] = vec4(visibleColor(diffuseColor, light, line), opacity);
 """
 
 
 @lru_cache(32)
-def lighting_code(style: Style, point: float = 1.0) -> str:
+def lighting_code(style: Style, pixels_per_point: float = 1.0) -> str:
     """Return the GLSL constants and functions of a style's light; `point` is pixels per point."""
     # With uniforms in place of constants, software OpenGL takes 50 % more time for a picture. The
     # lamps turn with the camera, so the constants stay valid when the camera moves.
-    triples, numbers = _constants(style, point)
+    triples, numbers = _constants(style, pixels_per_point)
     lines = []
     for key, triple in triples.items():
         x, y, z = map(float, triple)
@@ -87,14 +89,14 @@ def lighting_code(style: Style, point: float = 1.0) -> str:
 
 def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
     """Return colours and directions, and numbers, by their names in shaders."""
-    places, colors = np.zeros((2, _LAMPS, 3))
+    places, colors = np.zeros((2, _MAX_LAMPS, 3))
     for number, lamp in enumerate(style.lamps):
         places[number] = np.array(lamp.place) / np.linalg.norm(lamp.place)
         colors[number] = lamp.strength / (1.0 + style.wrap) * np.array(lamp.color)
     halfway = places[0] + (0.0, 0.0, 1.0)
     dark, pale = style.tint
-    triples = {f"towards{k}": places[k] for k in range(_LAMPS)}
-    triples |= {f"lamp{k}": colors[k] for k in range(_LAMPS)}
+    triples = {f"towards{k}": places[k] for k in range(_MAX_LAMPS)}
+    triples |= {f"lamp{k}": colors[k] for k in range(_MAX_LAMPS)}
     triples |= {"halfway": halfway / np.linalg.norm(halfway), "sky": style.sky}
     triples |= {"earth": style.earth, "dark": dark, "pale": pale}
     triples["ink"] = np.array(style.outline_color) / 255
@@ -119,8 +121,8 @@ def lighting_tables(style: Style, point: float) -> tuple[Floats, Floats]:
     """Return a style's light as tables for `spacemap_vtk.draw.software.raster_loops`."""
     # Rows: directions to the lamps, their colours, then the names in the lists below.
     triples, numbers = _constants(style, point)
-    ways = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_LAMPS)]
-    rows = [*ways, "sky", "earth", "halfway", "dark", "pale", "ink"]
+    lamp_names = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_MAX_LAMPS)]
+    rows = [*lamp_names, "sky", "earth", "halfway", "dark", "pale", "ink"]
     names = ("wrap", "gloss", "glossPower", "sheen", "facing", "colored", "lineWidth", "rim")
     return (
         np.array([triples[name] for name in rows], np.float64),
@@ -140,7 +142,11 @@ def set_lighting(actor: vtkActor, light: str) -> None:
 # samples. Plies that are too narrow to be modelled appear only in the normals. Each pixel has
 # `fine` samples along each side. A picture, whose pixels are means of smaller ones, has one sample
 # in each of these; a window has as many as it has time for. So both show fibres of the same width.
-_IN, _OUT = "strandsMC", "strandsVSOutput"
+#: Vertex attribute with the strand coordinates.
+_IN = "strandsMC"
+#: Strand coordinates that the vertex shader hands to the fragment shader.
+_OUT = "strandsVSOutput"
+#: Uniform or constant with the number of samples along each side of a pixel.
 _FINE = "fine"
 #: Samples along each side of a pixel in a window at rest: as many as in a picture.
 FINE_SAMPLES = 2
@@ -149,36 +155,36 @@ FINE_SAMPLES = 2
 # texture coordinates (M. S. Mikkelsen, J. Graphics Tools 15, 2010).
 _DECLARED = f"""
 in vec3 {_OUT};
-// a number from 0 to 1 for each strand: no two beside each other are alike
+// Tone of a strand, from 0 to 1; neighbouring strands have different tones.
 float tone(float strand) {{ return fract(strand * 0.7548777 + strand * strand * 0.2360680); }}
-// along the way that a phase grows: x, y of its slopes on the screen
-vec3 growing(vec2 slope, vec3 right, vec3 up) {{
-  vec3 way = slope.x * right + slope.y * up;
-  return way * inversesqrt(max(dot(way, way), 1e-30));
+// Unit vector in which a phase grows, from its slopes along x and y of the screen.
+vec3 phaseDirection(vec2 slope, vec3 right, vec3 up) {{
+  vec3 direction = slope.x * right + slope.y * up;
+  return direction * inversesqrt(max(dot(direction, direction), 1e-30));
 }}
-// how far fibres tilt the normal where the phase grows by so much in a sample, and their tone
+// Tilt of the normal by fibres, and their tone; `width` is the growth of the phase in a sample.
 vec2 fibresAt(vec3 strands, float width) {{
   float tilt = 0.0, light = 1.0;
-  // fibres wander, in parabolas, and come and go: they are short
+  // Fibres are short: they wander sideways in parabolas, and fade in and out.
   float along = fract(0.366 * strands.z) - 0.5;
   float wander = strands.x + 0.11 * along * (1.0 - 2.0 * abs(along));
   for (int size = 0; size < 2; size++) {{
-    float count = size == 0 ? 13.0 : 47.0, seen = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
-    if (seen > 0.0) {{
+    float count = size == 0 ? 13.0 : 47.0, visible = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
+    if (visible > 0.0) {{
       float place = count * wander, first = floor(place), side = 2.0 * (place - first) - 1.0;
-      float own = tone(mod(first, count)), square = side * side;
-      float strength = seen * abs(2.0 * fract(own + (0.17 + 0.3 * own) * strands.z) - 1.0);
+      float t = tone(mod(first, count)), square = side * side;
+      float strength = visible * abs(2.0 * fract(t + (0.17 + 0.3 * t) * strands.z) - 1.0);
       tilt += (size == 0 ? 0.6 : 1.0) * strength * side * (1.0 - square);
-      light *= 1.0 + strength * (0.16 * own - 0.08 - 0.10 * square * square);
+      light *= 1.0 + strength * (0.16 * t - 0.08 - 0.10 * square * square);
     }}
   }}
   return vec2(tilt, light);
 }}
-// likewise of a groove between two plies: steep beside it, and dark in it
+// The same for a groove between two plies: its sides are steep, and it is dark.
 vec2 grooveAt(float phase, float width) {{
   if (width == 0.0) {{ return vec2(0.0, 1.0); }}
-  float seen = clamp(2.0 - 4.0 * width, 0.0, 1.0), way = fract(phase + 0.5) - 0.5;
-  return vec2(seen * 2.4 * way, 1.0 - seen * 6.0 * way * way * way * way);
+  float visible = clamp(2.0 - 4.0 * width, 0.0, 1.0), x = fract(phase + 0.5) - 0.5;
+  return vec2(visible * 2.4 * x, 1.0 - visible * 6.0 * x * x * x * x);
 }}
 """
 _SHADED = f"""
@@ -186,14 +192,14 @@ vec3 strandsX = dFdx(vertexVC.xyz), strandsY = dFdy(vertexVC.xyz);
 vec3 right = cross(strandsY, normalVCVSOutput), up = cross(normalVCVSOutput, strandsX);
 if (dot(strandsX, right) < 0.0) {{ right = -right; up = -up; }}
 vec3 byX = dFdx({_OUT}), byY = dFdy({_OUT});
-vec3 acrossFibres = growing(vec2(byX.x, byY.x), right, up);
-vec3 acrossPlies = growing(vec2(byX.y, byY.y), right, up);
-// in each of the samples
+vec3 acrossFibres = phaseDirection(vec2(byX.x, byY.x), right, up);
+vec3 acrossPlies = phaseDirection(vec2(byX.y, byY.y), right, up);
+// Growth of the phases in a sample.
 vec2 widths = (abs(byX.xy) + abs(byY.xy)) / float({_FINE});
 """
 #: Fragment shader code that lights a surface with fibres; it takes the place of `_FRAGMENT`.
 _LIT_FIBRES = f"""
-  // what is far finer than a sample, or far wider than a pixel, needs no more than one
+  // Fibres that are far finer than a sample, or far wider than a pixel, need only one sample.
   float finest = 47.0 * widths.x * float({_FINE});
   int side = 13.0 * widths.x < 0.5 && finest > 0.1 ? {_FINE} : 1;
   vec3 mean = vec3(0.0);
@@ -206,7 +212,7 @@ _LIT_FIBRES = f"""
       vec2 fibre = fibresAt(strands, widths.x), groove = grooveAt(strands.y, widths.y);
       vec3 bent = normalVCVSOutput + fibre.x * acrossFibres + groove.x * acrossPlies;
       vec3 hue = diffuseColor * fibre.y * groove.y;
-      mean += seen(hue, lit(normalize(bent), eye), line);
+      mean += visibleColor(hue, reflectedLight(normalize(bent), eye), line);
     }}
   }}
   gl_FragData[0] = vec4(mean / float(side * side), opacity);
@@ -214,7 +220,7 @@ _LIT_FIBRES = f"""
 
 
 def set_fibres(
-    actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool, sampled: bool = False
+    actor: vtkActor, mapper: vtkPolyDataMapper, wanted: bool, has_uniform: bool = False
 ) -> None:
     """Shade fibres on a surface with strand coordinates; or stop using the coordinates."""
     # If `sampled`, the number of samples is a uniform that `set_fibre_samples` sets.
@@ -223,13 +229,17 @@ def set_fibres(
         return
     points = vtkDataObject.FIELD_ASSOCIATION_POINTS
     mapper.MapDataArrayToVertexAttribute(_IN, STRANDS, points, -1)
-    shader, declared, made = actor.GetShaderProperty(), "//VTK::Normal::Dec", "//VTK::Normal::Impl"
+    shader, declared, computed = (
+        actor.GetShaderProperty(),
+        "//VTK::Normal::Dec",
+        "//VTK::Normal::Impl",
+    )
     vertex = f"{declared}\nin vec3 {_IN};\nout vec3 {_OUT};\n"
     shader.AddVertexShaderReplacement(declared, True, vertex, False)
-    shader.AddVertexShaderReplacement(made, True, f"{made}\n  {_OUT} = {_IN};\n", False)
-    fine = "" if sampled else f"const int {_FINE} = 1;\n"
+    shader.AddVertexShaderReplacement(computed, True, f"{computed}\n  {_OUT} = {_IN};\n", False)
+    fine = "" if has_uniform else f"const int {_FINE} = 1;\n"
     shader.AddFragmentShaderReplacement(declared, True, declared + fine + _DECLARED, False)
-    shader.AddFragmentShaderReplacement(made, True, made + _SHADED, False)
+    shader.AddFragmentShaderReplacement(computed, True, computed + _SHADED, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _LINE + _LIT_FIBRES, False)
 
 

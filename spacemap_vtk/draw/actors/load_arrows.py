@@ -25,15 +25,16 @@ ARROW_COLORS = {
     "base_acceleration": "#7a4fb5",
     "base_displacement": "#7a4fb5",
 }
-#: Lengths of arrows as shares of the cage's diagonal. _LONG: loads with a single arrow, on the
-#: whole cage or at one point. _SHORT: loads with many arrows.
-_LONG, _SHORT = 0.24, 0.11
+#: Length of an arrow as a share of the cage's diagonal, for loads with a single arrow.
+_LONG = 0.24
+#: The same for loads with many arrows.
+_SHORT = 0.11
 #: Lengths of arrows by kind of load, as shares of the cage's diagonal; _LONG for other kinds.
 _LENGTHS = {"pressure": _SHORT, "traction": _SHORT, "array": _SHORT}
 #: Kinds of load that act on the whole cage.
-_WHOLE = ("gravity", "base_acceleration", "base_displacement")
+_WHOLE_CAGE = ("gravity", "base_acceleration", "base_displacement")
 #: Largest number of arrows on a side of the cage; more would only hide the view.
-_MOST = 48
+_MAX_ARROWS = 48
 #: Number of times at which the largest factor of a load is searched.
 _SAMPLES = 200
 
@@ -54,38 +55,45 @@ class Arrows(NamedTuple):
 
 
 def load_arrows(
-    response: LoadParameters, cage: vtkUnstructuredGrid, time: float, dead: Sequence[Load] = ()
+    response: LoadParameters,
+    cage: vtkUnstructuredGrid,
+    time: float,
+    dead_loads: Sequence[Load] = (),
 ) -> Arrows:
     """Return the arrows of the loads on a cage; dead loads, of its equilibrium, act always."""
     rest = points_of(cage).astype(np.float64)
     moved = rest + vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
     size = float(np.linalg.norm(np.ptp(rest, axis=0)))
-    none = np.zeros((0, 3))
-    starts, vectors, places, reach, kinds = [none], [none], [none], [none], []
+    empty = np.zeros((0, 3))
+    starts, vectors, places, reach, kinds = [empty], [empty], [empty], [empty], []
 
-    def add(load: str, ends: Floats, ways: Floats, pull: bool, factors: _Factors) -> None:
-        arrows = ways * (_LENGTHS.get(load, _LONG) * size)
+    def add(
+        load: str, ends: Floats, directions: Floats, starts_here: bool, factors: _Factors
+    ) -> None:
+        arrows = directions * (_LENGTHS.get(load, _LONG) * size)
         for factor in (factors.least, factors.largest):
-            reach.extend([ends, ends + arrows * (factor if pull else -factor)])
-        seen = np.linalg.norm(ways, axis=1) * abs(factors.now) > 0.02
-        scaled = arrows[seen] * factors.now
-        starts.append(ends[seen] if pull else ends[seen] - scaled)
+            reach.extend([ends, ends + arrows * (factor if starts_here else -factor)])
+        visible = np.linalg.norm(directions, axis=1) * abs(factors.now) > 0.02
+        scaled = arrows[visible] * factors.now
+        starts.append(ends[visible] if starts_here else ends[visible] - scaled)
         vectors.append(scaled)
-        places.append(np.where(load in _WHOLE, np.nan, ends[seen]))
-        kinds.extend([load] * int(seen.sum()))
+        places.append(np.where(load in _WHOLE_CAGE, np.nan, ends[visible]))
+        kinds.extend([load] * int(visible.sum()))
 
     always = _Factors(1.0, 1.0, 1.0)
     gravity = response.gravity_for(cage)
     if gravity.any() and time >= 0.0:
-        way = _unit(tuple(gravity))
-        add("gravity", _exit_point(moved, cage, way), way, True, always)
-    acting = [(load, always) for load in dead]
+        direction = _unit(tuple(gravity))
+        add("gravity", _exit_point(moved, cage, direction), direction, True, always)
+    acting = [(load, always) for load in dead_loads]
     acting += [(load, _factors(load, time, response.duration)) for load in response.loads]
     for load, factors in acting:
-        for ends, ways, pull in _places_and_directions(load, rest, moved, cage):
-            add(load.action, ends, ways, pull, factors)
-    begun, along, where, far = map(np.concatenate, (starts, vectors, places, reach))
-    return Arrows(begun, along, tuple(kinds), where, far)
+        for ends, directions, starts_here in _places_and_directions(load, rest, moved, cage):
+            add(load.action, ends, directions, starts_here, factors)
+    all_starts, all_vectors, all_places, all_reach = map(
+        np.concatenate, (starts, vectors, places, reach)
+    )
+    return Arrows(all_starts, all_vectors, tuple(kinds), all_places, all_reach)
 
 
 def _places_and_directions(
@@ -94,17 +102,17 @@ def _places_and_directions(
     """Yield places of a load, directions with sizes up to 1, and whether arrows start there."""
     action, value = load.action, getattr(load, load.action)
     if action in ("pressure", "traction"):
-        where = forces.find_side_faces(rest, elements_of(cage), load.on)
-        shown = np.unique(np.linspace(0, len(where.nodes) - 1, _MOST).astype(int))
-        places = moved[where.nodes[shown]].mean(axis=1)
-        way = -np.sign(value) * where.normal if action == "pressure" else _unit(value)[0]
-        ways = np.tile(way, (len(places), 1))
+        wall = forces.find_side_faces(rest, elements_of(cage), load.on)
+        shown = np.unique(np.linspace(0, len(wall.nodes) - 1, _MAX_ARROWS).astype(int))
+        places = moved[wall.nodes[shown]].mean(axis=1)
+        direction = -np.sign(value) * wall.normal if action == "pressure" else _unit(value)[0]
+        directions = np.tile(direction, (len(places), 1))
         if load.follower:
-            legs = np.diff(moved[where.faces[shown, :3]], axis=1)
-            out = np.cross(legs[:, 0], legs[:, 1])
-            ways = -np.sign(value) * out / np.linalg.norm(out, axis=1, keepdims=True)
+            edges = np.diff(moved[wall.faces[shown, :3]], axis=1)
+            normals = np.cross(edges[:, 0], edges[:, 1])
+            directions = -np.sign(value) * normals / np.linalg.norm(normals, axis=1, keepdims=True)
         # The arrows of a pressure end at the side that it pushes; those of a suction begin there.
-        yield places, ways, action == "traction" or value < 0
+        yield places, directions, action == "traction" or value < 0
     elif action == "force":
         nearest = forces.nearest_vertex(rest, load.at)
         yield moved[[nearest]], _unit(value), False
@@ -115,18 +123,18 @@ def _places_and_directions(
             largest = float(np.linalg.norm(field, axis=1).max()) or 1.0
             yield moved, field / largest, False
     else:
-        way = _unit(value)
-        yield _exit_point(moved, cage, way), way, True
+        direction = _unit(value)
+        yield _exit_point(moved, cage, direction), direction, True
 
 
-def _exit_point(points: Floats, cage: vtkUnstructuredGrid, way: Floats) -> Floats:
+def _exit_point(points: Floats, cage: vtkUnstructuredGrid, direction: Floats) -> Floats:
     """Return the point where a line from the centre of the points leaves their cage, (1, 3)."""
     # The line crosses several faces of tetrahedra; the farthest crossing is the result.
-    middle, ahead = points.mean(axis=0), way[0]
-    across = np.linalg.svd(way)[2][1:]
-    aside, depth = (points - middle) @ across.T, (points - middle) @ ahead
+    middle, along = points.mean(axis=0), direction[0]
+    across = np.linalg.svd(direction)[2][1:]
+    across_line, depth = (points - middle) @ across.T, (points - middle) @ along
     faces = elements_of(cage)[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]].reshape(-1, 3)
-    x, y = np.moveaxis(aside[faces], 2, 0)
+    x, y = np.moveaxis(across_line[faces], 2, 0)
     # Barycentric coordinates of the line in each face, times twice the face's projected area.
     weights = x[:, [1, 2, 0]] * y[:, [2, 0, 1]] - x[:, [2, 0, 1]] * y[:, [1, 2, 0]]
     total = weights.sum(axis=1)
@@ -135,8 +143,8 @@ def _exit_point(points: Floats, cage: vtkUnstructuredGrid, way: Floats) -> Float
     ).all(axis=1)
     if not crossed.any():  # the cage is a ring, and its centre is empty
         return middle[None]
-    far = (weights[crossed] * depth[faces[crossed]]).sum(axis=1) / total[crossed]
-    return (middle + ahead * max(0.0, far.max()))[None]
+    depths = (weights[crossed] * depth[faces[crossed]]).sum(axis=1) / total[crossed]
+    return (middle + along * max(0.0, depths.max()))[None]
 
 
 def _unit(vector: tuple[float, ...]) -> Floats:

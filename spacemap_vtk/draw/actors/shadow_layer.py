@@ -33,17 +33,17 @@ class ShadowLayer:
         self._depth, self._texture = vtkFloatArray(), vtkTexture()
         self._texture.SetColorModeToDirectScalars()
         self._relief, self._strength = 0.0, 0.0
-        plane, mapper, everywhere = vtkPlaneSource(), vtkPolyDataMapper2D(), vtkCoordinate()
+        plane, mapper, coordinates = vtkPlaneSource(), vtkPolyDataMapper2D(), vtkCoordinate()
         plane.SetOrigin(0.0, 0.0, 0.0)
         plane.SetPoint1(1.0, 0.0, 0.0)
         plane.SetPoint2(0.0, 1.0, 0.0)
-        everywhere.SetCoordinateSystemToNormalizedViewport()
+        coordinates.SetCoordinateSystemToNormalizedViewport()
         mapper.SetInputConnection(plane.GetOutputPort())
-        mapper.SetTransformCoordinate(everywhere)
-        shade = vtkTexturedActor2D()
-        shade.SetMapper(mapper)
-        shade.SetTexture(self._texture)
-        self.renderer.AddViewProp(shade)
+        mapper.SetTransformCoordinate(coordinates)
+        actor = vtkTexturedActor2D()
+        actor.SetMapper(mapper)
+        actor.SetTexture(self._texture)
+        self.renderer.AddViewProp(actor)
         #: Whether the layer is to be drawn.
         self.is_on = False
         #: Left, bottom, right and top of areas without shadows, in pixels.
@@ -53,23 +53,23 @@ class ShadowLayer:
         """Set the depth of folds [m] and the strength of shadows; 0 switches the layer off."""
         self._relief, self._strength, self.is_on = relief, strength, strength > 0.0
 
-    def update(self, below: vtkRenderer) -> None:
+    def update(self, renderer: vtkRenderer) -> None:
         """Compute the shadows for the view that a renderer has drawn."""
-        window, camera = below.GetRenderWindow(), below.GetActiveCamera()
+        window, camera = renderer.GetRenderWindow(), renderer.GetActiveCamera()
         width, height = window.GetSize()
         window.GetZbufferData(0, 0, width - 1, height - 1, self._depth)
-        drawn = vtk_to_numpy(self._depth).reshape(height, width)
+        depths = vtk_to_numpy(self._depth).reshape(height, width)
         plates = [
             (slice(round(b), round(t)), slice(round(a), round(r)))
             for a, b, r, t in self.unshaded_areas
         ]
         for plate in plates:  # plates are in front of everything and would cast shadows on it
-            drawn[plate] = 1.0
-        depth = depths_to_metres(camera, drawn)
+            depths[plate] = 1.0
+        depth = depths_to_metres(camera, depths)
         pixels = self._relief * pixels_per_metre_at_focus(camera, height)
-        shade = soften(contact_shadows(depth, self._relief, pixels, self._strength, thin=2))
+        factors = soften(contact_shadows(depth, self._relief, pixels, self._strength, line_width=2))
         for plate in plates:
-            shade[plate] = 1.0
+            factors[plate] = 1.0
         black = np.zeros((height, width, 4), np.uint8)
-        black[..., 3] = 255.5 - 255.0 * shade
+        black[..., 3] = 255.5 - 255.0 * factors
         self._texture.SetInputData(to_image(black))

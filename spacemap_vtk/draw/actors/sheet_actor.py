@@ -57,22 +57,22 @@ _LEVELS = 6
 _MOST_TEXELS = 1024
 #: Number of samples along each side of a pixel if single yarns are drawn.
 _POINTS = 4
-#: Share by which contact shadows darken a yarn where it lies deepest.
+#: YarnSelection by which contact shadows darken a yarn where it lies deepest.
 _SHADOW = 0.8
 
 _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec3 warpMC;
 in vec3 weftMC;
-out vec4 lightVS[4];  // the mean of what falls on it, and what shines white
-out vec4 coverVS;  // of warp and weft, on top and between
+out vec4 lightVS[4];  // mean reflected light of warp and weft, on top and between
+out vec4 coverVS;  // cover of warp and weft, on top and between
 out vec2 tiltVS;
 out float heightVS;
 out vec3 warpVS, weftVS, eyeVS;
 """
 
 _VERTEX_FUNCTIONS = """
-// The mean light of tubes along an axis; and what they cover.
+// Mean light that tubes along an axis reflect; `covered` is the share of the area that they cover.
 vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope, out float covered)
 {
   vec4 sum = vec4(0.0);
@@ -80,24 +80,25 @@ vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope
   covered = 0.0;
   vec3 run = along - dot(along, eye) * eye, across = eye - dot(eye, along) * along;
   float wide = aspect / cover * max(dot(across, up) / length(across), 0.05);
-  for (int way = -1; way <= 1; way += 2)
+  for (int side = -1; side <= 1; side += 2)
   {
-    vec3 axis = normalize(along + float(way) * tan(slope) * up);
+    vec3 axis = normalize(along + float(side) * tan(slope) * up);
     vec3 normal = normalize(up - dot(up, axis) * axis);
-    vec3 seen = eye - dot(eye, axis) * axis;
-    float weight = length(seen);  // parts that turn towards the eye are seen larger
-    seen /= weight;
-    weight *= dot(seen, normal) > 0.0 ? 1.0 : 0.1;
-    float c = max(dot(seen, normal), 0.05);
-    vec3 aside = normal - dot(normal, seen) * seen;
+    vec3 toEye = eye - dot(eye, axis) * axis;
+    float weight = length(toEye);  // parts that face the eye look larger
+    toEye /= weight;
+    weight *= dot(toEye, normal) > 0.0 ? 1.0 : 0.1;
+    float c = max(dot(toEye, normal), 0.05);
+    vec3 aside = normal - dot(normal, toEye) * toEye;
     float s = length(aside);
-    aside = s > 1e-4 ? aside / s : normalize(cross(axis, seen));
-    // In units of the height; from the lower horizon on, what the neighbour leaves to be seen.
+    aside = s > 1e-4 ? aside / s : normalize(cross(axis, toEye));
+    // In units of the tube's height. `part` is the visible part, from the lower horizon up to the
+    // neighbour.
     float flat_ = 0.5 * (aspect - 1.0) * c;
     float whole = 1.0 + 2.0 * flat_;
     float pitch = aspect / cover * c;
     float part = min(whole, pitch);
-    // Where it rises, a yarn that is seen from aside runs askew, and hides more.
+    // A rising yarn looks askew from the side, and hides more.
     vec3 askew = axis - dot(axis, eye) * eye;
     float skew = dot(run, askew) / (length(run) * length(askew));
     covered += 0.5 * min(1.0, whole / (wide * max(skew, 0.3)));
@@ -108,8 +109,8 @@ vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope
       float x = 0.5 * whole - part * (float(k) + 0.5) / float(SAMPLES);
       float first = 2.0 * (x + flat_);
       float sine = clamp(first < s ? first : max(s, 2.0 * (x - flat_)), -1.0, 1.0);
-      vec3 n = sqrt(1.0 - sine * sine) * seen + sine * aside;
-      sum += weight * lit(n, eye) / float(SAMPLES);
+      vec3 n = sqrt(1.0 - sine * sine) * toEye + sine * aside;
+      sum += weight * reflectedLight(n, eye) / float(SAMPLES);
     }
   }
   return sum / weights;
@@ -153,7 +154,7 @@ _FRAGMENT_FUNCTIONS = (
 const float LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
 """
     + """
-// sRGB to linear light, and back.
+// Convert sRGB to linear light, and back.
 vec3 decoded(vec3 code)
 {
   return mix(code / 12.92, pow((code + 0.055) / 1.055, vec3(2.4)), step(0.04045, code));
@@ -172,7 +173,7 @@ const int POINTS = {_POINTS};
 const float SHADOW = {_SHADOW};
 """
     + """
-// How high yarns along an axis are at a place between two crossings, and the slope there.
+// Height and slope of a yarn's axis at a place between two crossings.
 vec2 axis_at(float along, float pitch, float flat_, float here, float next)
 {
   float room = max(pitch - 2.0 * flat_, 1e-3 * pitch);
@@ -181,7 +182,7 @@ vec2 axis_at(float along, float pitch, float flat_, float here, float next)
   return vec2(mix(here, next, 0.5 - 0.5 * cos(part)), along < 0.0 ? -slope : slope);
 }
 
-// The sine of a section's normal at a place across it, its cosine, and whether it is there.
+// Sine and cosine of the angle of a section's normal at a place across it; z is 1 inside, else 0.
 vec3 section_at(float across, float halfWidth, float radius)
 {
   float beyond = max(abs(across) - (halfWidth - radius), 0.0) / radius;
@@ -189,7 +190,7 @@ vec3 section_at(float across, float halfWidth, float radius)
   return vec3(across < 0.0 ? -sine : sine, sqrt(1.0 - sine * sine), beyond <= 1.0 ? 1.0 : 0.0);
 }
 
-// The light of what lies on top at a place, by the heights of both yarns.
+// Light of the upper yarn at a place, found from the heights of both yarns.
 vec3 yarn_at(vec2 place, vec3 hue, vec3 warp, vec3 weft, vec3 up, vec3 eye, vec3 open)
 {
   ivec2 last = ivec2(crossings) - 1;
@@ -210,19 +211,19 @@ vec3 yarn_at(vec2 place, vec3 hue, vec3 warp, vec3 weft, vec3 up, vec3 eye, vec3
   if (acrossWarp.z + acrossWeft.z == 0.0) return open;
   float warpTop = acrossWarp.z > 0.0 ? a.x + sections.y * acrossWarp.y : -1e9;
   float weftTop = acrossWeft.z > 0.0 ? b.x + sections.w * acrossWeft.y : -1e9;
-  bool warpSeen = warpTop >= weftTop;
-  vec3 along = warpSeen ? warp : weft, across = warpSeen ? weft : warp;
-  vec2 bent = warpSeen ? a : b;
-  vec3 round_ = warpSeen ? acrossWarp : acrossWeft;
+  bool warpOnTop = warpTop >= weftTop;
+  vec3 along = warpOnTop ? warp : weft, across = warpOnTop ? weft : warp;
+  vec2 bent = warpOnTop ? a : b;
+  vec3 round_ = warpOnTop ? acrossWarp : acrossWeft;
   vec3 n = normalize(round_.y * normalize(up - bent.y * along) + round_.x * across);
-  // Contact shadows are the deeper, the farther a yarn lies below where it lies on top.
-  float rise = warpSeen ? rises.x : rises.y;
+  // The lower a yarn lies below its top position, the darker is its contact shadow.
+  float rise = warpOnTop ? rises.x : rises.y;
   float shade = 1.0 - shaded * SHADOW * clamp(0.5 - 0.5 * bent.x / max(rise, 1e-6), 0.0, 1.0);
-  vec3 own = hue * encoded(warpSeen ? ofWarp.rgb : ofWeft.rgb);
-  return decoded(shade * seen(own, lit(n, eye), lined));
+  vec3 own = hue * encoded(warpOnTop ? ofWarp.rgb : ofWeft.rgb);
+  return decoded(shade * visibleColor(own, reflectedLight(n, eye), lined));
 }
 
-// The mean over a pixel.
+// Mean light of a pixel.
 vec3 yarns_in(vec2 place, vec2 right, vec2 above_, vec3 hue, vec3 open)
 {
   vec3 warp = normalize(warpVS), weft = normalize(weftVS), eye = normalize(eyeVS);
@@ -241,8 +242,8 @@ vec3 yarns_in(vec2 place, vec2 right, vec2 above_, vec3 hue, vec3 open)
 )
 
 _FRAGMENT = """
-  // The pixel of the finished picture, in crossings: its middle, and half of its width and height.
-  // Where it is turned against the yarns, a rectangle with the same spread along both.
+  // Centre, and half of width and height, of the finished picture's pixel, in crossings. For a
+  // pixel that is rotated against the yarns, a rectangle with the same spread along both families.
   vec2 place = tcoordVCVSOutput * crossings, right = dFdx(place), above_ = dFdy(place);
   vec2 aside = (floor(gl_FragCoord.xy / grain) + 0.5) * grain - gl_FragCoord.xy;
   place += aside.x * right + aside.y * above_;
@@ -256,7 +257,7 @@ _FRAGMENT = """
   vec2 reach = 0.5 * grain * sqrt(right * right + above_ * above_);
   vec2 low = clamp(place - reach, vec2(0.0), crossings - 0.001);
   vec2 high = clamp(place + reach, low + 0.001, crossings);
-  // Many crossings are summed up in blocks, which are the exact means of theirs.
+  // Many crossings are summed in blocks, which hold the exact means of their crossings.
   int level = int(clamp(ceil(0.5 * log2(4.0 * reach.x * reach.y / MOST_TEXELS)), 0.0, LEVELS));
   low /= float(1 << level);
   high /= float(1 << level);
@@ -281,7 +282,7 @@ _FRAGMENT = """
   }
   else
   {
-    // Of a block, the mean of products is not the product of means.
+    // In a block, the mean of products is not the product of means.
     for (int y = first.y; y < end.y; ++y)
     {
       float tall = min(high.y, float(y + 1)) - max(low.y, float(y));
@@ -299,9 +300,9 @@ _FRAGMENT = """
       }
     }
   }
-  float area = texels[0].a + texels[1].a;  // one of the two lies on top at each crossing
-  int top = gl_FrontFacing ? 0 : 2;  // what lies under on one face lies on top on the other
-  // Contact shadows are the deeper, the rarer a family lies on top.
+  float area = texels[0].a + texels[1].a;  // at each crossing, one of the two families is on top
+  int top = gl_FrontFacing ? 0 : 2;  // from behind, the lower yarns are on top
+  // The rarer a family is on top, the darker are its contact shadows.
   vec2 there = tcoordVCVSOutput * crossings / vec2(textureSize(warpOver, 0));
   vec2 q = vec2(texture(warpOver, there, 5.0).a, texture(weftOver, there, 5.0).a);
   q /= q.x + q.y;
@@ -311,17 +312,17 @@ _FRAGMENT = """
   over = mix(vec2(1.0), over, shaded);
   under = mix(vec2(1.0), under, shaded);
   vec4 shades = vec4(over, under);
-  for (int k = 0; k < 4; ++k)  // each is multiplied by its share
+  for (int k = 0; k < 4; ++k)  // each family is multiplied by its share
   {
-    int seen_as = (k + top) % 4;
+    int layer = (k + top) % 4;
     vec3 hue = diffuseColor * encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area));
-    vec3 own = decoded(shades[seen_as] * seen(hue, lightVS[seen_as], lined));
-    texels[k] = texels[k].a / area * vec4(own, 1.0);
+    vec3 light = decoded(shades[layer] * visibleColor(hue, lightVS[layer], lined));
+    texels[k] = texels[k].a / area * vec4(light, 1.0);
   }
   vec2 k = coverVS.xy, between = coverVS.zw;
   vec4 yarns = k.x * texels[top] + k.y * texels[top + 1]
     + (1.0 - k.y) * between.x * texels[2 - top] + (1.0 - k.x) * between.y * texels[3 - top];
-  // Seen aslant, gaps close sooner than what both families cover says.
+  // At a slant, gaps close sooner than the cover of both families says.
   float aslant = 1.0 - 0.5 * max(tiltVS.x, tiltVS.y);
   float open = aslant * dot(q, (1.0 - k) * (1.0 - between.yx));
   gl_FragData[0] = vec4(encoded(yarns.rgb + open * open_), 1.0);
@@ -369,19 +370,21 @@ class SheetActor(SurfaceActor):
         crossings: NDArray[Any] | None = None,
     ) -> None:
         """Draw the deformed sheet of a cloth."""
-        scaled = COLORINGS[color].shows_numbers
-        numbers = crossings if scaled else None
-        worn = style if numbers is None else style.for_numbers
-        self.show(sheet, color if scaled else "own", (255, 255, 255), span, style=worn)
+        has_numbers = COLORINGS[color].shows_numbers
+        numbers = crossings if has_numbers else None
+        lighting_style = style if numbers is None else style.for_numbers
+        self.show(
+            sheet, color if has_numbers else "own", (255, 255, 255), span, style=lighting_style
+        )
         if numbers is not None:
             span = span or natural_span(numbers)
             self.update_scale(color, span)
             self.GetMapper().SetScalarVisibility(False)  # the texture contains the colours
             self.color_bar.SetVisibility(True)
-        wanted = cloth, color, None if numbers is None else span
-        if self._shown == wanted and self._crossings is crossings:
+        state = cloth, color, None if numbers is None else span
+        if self._shown == state and self._crossings is crossings:
             return
-        self._shown, self._crossings = wanted, crossings
+        self._shown, self._crossings = state, crossings
         warp, weft = yarn_shading(cloth)
         vertex = self.GetShaderProperty().GetVertexCustomUniforms()
         vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
@@ -402,13 +405,13 @@ class SheetActor(SurfaceActor):
         if crossings is None:
             colors = _yarn_colors(cloth, color)
         else:
-            colors = _crossing_colors(crossings, color, wanted[2])
+            colors = _crossing_colors(crossings, color, state[2])
         warp_over, weft_over, warp_under, weft_under = color_layers(
             cloth.drawdown, *colors, cloth.layers
         )
-        for all_of, over in ((warp_under, warp_over), (weft_under, weft_over)):
-            all_of[..., :3] += over[..., :3]
-            all_of[..., 3] = over[..., 3]
+        for everywhere, on_top in ((warp_under, warp_over), (weft_under, weft_over)):
+            everywhere[..., :3] += on_top[..., :3]
+            everywhere[..., 3] = on_top[..., 3]
         textures = warp_over, weft_over, warp_under, weft_under
         for name, pixels in zip(_LAYERS, textures, strict=True):
             texture = self.GetProperty().GetTexture(name)
@@ -420,12 +423,12 @@ class SheetActor(SurfaceActor):
                 pixels = _halve(pixels)
             texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
 
-    def set_shadow_strength(self, depth: float) -> None:
+    def set_shadow_strength(self, strength: float) -> None:
         """Set the strength of the yarns' contact shadows, 0 to 1."""
-        self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", depth)
+        self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", strength)
 
-    def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
-        light, shader = lighting_code(style, point), self.GetShaderProperty()
+    def _apply_style(self, surface: vtkPolyData, style: Style, pixels_per_point: float) -> None:
+        light, shader = lighting_code(style, pixels_per_point), self.GetShaderProperty()
         if self._shader_key == (light,):
             return
         self._shader_key = (light,)
@@ -469,25 +472,28 @@ def add_directions(sheet: vtkPolyData, cells: tuple[int, int]) -> None:
 
 
 def coarsen_sheet(
-    sheet: vtkPolyData, cells: tuple[int, int], most: int, hole: tuple[slice, slice] | None = None
+    sheet: vtkPolyData,
+    cells: tuple[int, int],
+    max_cells: int,
+    hole: tuple[slice, slice] | None = None,
 ) -> vtkPolyData:
     """Return a sheet with at most `most` cells along each side, without the cells in a hole."""
     # Fewer vertices mean less work, because the sheet is lit at its vertices. The hole is given in
     # columns and rows of the original cells.
-    lines = [np.linspace(0, n, min(n, most) + 1).astype(np.int64) for n in cells]
+    lines = [np.linspace(0, n, min(n, max_cells) + 1).astype(np.int64) for n in cells]
     chosen = (lines[1][:, None] * (cells[0] + 1) + lines[0]).ravel()
     polygons = quadrilaterals(len(lines[0]) - 1, len(lines[1]) - 1)
     if hole is not None:
         columns, rows = (
-            (line[:-1] >= some.start) & (line[1:] <= some.stop)
-            for line, some in zip(lines, hole, strict=True)
+            (line[:-1] >= hole_range.start) & (line[1:] <= hole_range.stop)
+            for line, hole_range in zip(lines, hole, strict=True)
         )
         polygons = polygons[~(rows[:, None] & columns).ravel()]
-    made = vtkPolyData()
-    made.SetPoints(to_points(points_of(sheet)[chosen]))
-    made.SetPolys(to_cells(polygons))
-    copy_rows(sheet.GetPointData(), made.GetPointData(), chosen)
-    return made
+    coarse = vtkPolyData()
+    coarse.SetPoints(to_points(points_of(sheet)[chosen]))
+    coarse.SetPolys(to_cells(polygons))
+    copy_rows(sheet.GetPointData(), coarse.GetPointData(), chosen)
+    return coarse
 
 
 def quadrilaterals(columns: int, rows: int) -> Ints:
@@ -514,10 +520,10 @@ def _yarn_colors(cloth: Cloth, color: str) -> tuple[Bytes, Bytes]:
 def _crossing_colors(crossings: NDArray[Any], color: str, span: Span | None) -> tuple[Bytes, Bytes]:
     """Return the colours of ends and picks at each crossing."""
     if span is None:
-        found = rgb_table(CLASSES[color])[crossings.astype(np.uint8)]
+        colors = rgb_table(CLASSES[color])[crossings.astype(np.uint8)]
     else:
-        found = ramp_colors(crossings, span)
-    return found[0], found[-1]
+        colors = ramp_colors(crossings, span)
+    return colors[0], colors[-1]
 
 
 def _pad(pixels: Bytes, levels: int) -> Bytes:
@@ -536,15 +542,15 @@ def _halve(pixels: Bytes) -> Bytes:
     even = _pad(pixels, 1)
     share = np.arange(256, dtype=np.float32) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    made = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
+    halved = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
     for channel in range(4):
         table = share if channel == 3 else light
         parts = [table[even[row::2, column::2, channel]] for row in (0, 1) for column in (0, 1)]
         mean = 0.25 * sum(parts)
         if channel < 3:
             mean = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
-        made[..., channel] = np.rint(255 * mean)
-    return made
+        halved[..., channel] = np.rint(255 * mean)
+    return halved
 
 
 def _make_texture() -> vtkTexture:

@@ -51,12 +51,12 @@ class Lighting(NamedTuple):
     """The lighting of a surface."""
 
     #: Whether the surface has faces that are lit; lines and dots have none.
-    faced: bool
+    has_faces: bool
     #: Whether fibres are shaded.
     fibres: bool
     style: Style
     #: Pixels per point, the unit of line widths.
-    point: float
+    pixels_per_point: float
 
 
 class SurfaceActor(vtkActor):
@@ -84,22 +84,22 @@ class SurfaceActor(vtkActor):
         self,
         surface: vtkPolyData,
         color: str,
-        plain: Sequence[int] = (185, 196, 207),
+        plain_color: Sequence[int] = (185, 196, 207),
         span: Span | None = None,
         picture: vtkImageData | None = None,
         style: Style = STUDIO,
-        point: float = 1.0,
+        pixels_per_point: float = 1.0,
     ) -> None:
         """Draw a surface; `point` is the number of pixels per point, the unit of line widths."""
         mapper, points, cells = self._mapper, surface.GetPointData(), surface.GetCellData()
         numbers = points.GetArray(COLOR_VALUES)
-        shown: Span | None = None
+        shown_span: Span | None = None
         mapper.SetScalarVisibility(True)
         if numbers is not None:
             values = vtk_to_numpy(numbers)
-            shown = span or natural_span(values)
+            shown_span = span or natural_span(values)
             # Labels of the scale are the numbers themselves, so these are in the scale's unit.
-            size = self.update_scale(color, shown)
+            size = self.update_scale(color, shown_span)
             points.AddArray(to_array(values / np.float32(size), "in unit"))
             mapper.SetScalarModeToUsePointFieldData()
         elif color in CLASSES and cells.GetArray(color) is not None:
@@ -108,11 +108,13 @@ class SurfaceActor(vtkActor):
             self._color_by(color, colors, (0, count - 1))
             mapper.SetScalarModeToUseCellFieldData()
         else:
-            self._show_own(surface, plain, picture)
-        self._set_texture(picture if shown is None and color == "own" else None)
-        self.color_bar.SetVisibility(shown is not None)
+            self._show_own(surface, plain_color, picture)
+        self._set_texture(picture if shown_span is None and color == "own" else None)
+        self.color_bar.SetVisibility(shown_span is not None)
         mapper.SetInputData(surface)
-        self._apply_style(surface, style if shown is None else style.for_numbers, point)
+        self._apply_style(
+            surface, style if shown_span is None else style.for_numbers, pixels_per_point
+        )
 
     def update_scale(self, color: str, span: Span) -> float:
         """Set unit, labels and title of the scale; return the size of its unit in SI units."""
@@ -123,22 +125,22 @@ class SurfaceActor(vtkActor):
         self.color_bar.SetTitle(color_bar_title(color, name))
         return size
 
-    def _apply_style(self, surface: vtkPolyData, style: Style, point: float) -> None:
+    def _apply_style(self, surface: vtkPolyData, style: Style, pixels_per_point: float) -> None:
         """Light a surface in a style; lines and dots without normals stay unlit."""
-        faced = surface.GetPointData().GetNormals() is not None
-        faced |= (
+        has_faces = surface.GetPointData().GetNormals() is not None
+        has_faces |= (
             surface.GetNumberOfPolys() + surface.GetNumberOfStrips() == surface.GetNumberOfCells()
         )
         # Fibres need a style with sheen: styles with outlines draw smooth yarns, and the style for
         # numbers shows no fibres that could change the colours.
         fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
-        self.lighting = Lighting(faced, fibres, style, point)
-        worn = faced, fibres, lighting_code(style, point)
-        if worn != self._shader_key:
-            self._shader_key = worn
+        self.lighting = Lighting(has_faces, fibres, style, pixels_per_point)
+        shader_key = has_faces, fibres, lighting_code(style, pixels_per_point)
+        if shader_key != self._shader_key:
+            self._shader_key = shader_key
             self.GetShaderProperty().ClearAllShaderReplacements()
-            if faced:
-                set_lighting(self, worn[2])
+            if has_faces:
+                set_lighting(self, shader_key[2])
             set_fibres(self, self._mapper, fibres, self._samples > 0)
             if fibres and self._samples:
                 set_fibre_samples(self, self._samples)
@@ -166,16 +168,16 @@ class SurfaceActor(vtkActor):
         self.SetTexture(self._texture)
 
     def _show_own(
-        self, surface: vtkPolyData, plain: Sequence[int], picture: vtkImageData | None
+        self, surface: vtkPolyData, plain_color: Sequence[int], picture: vtkImageData | None
     ) -> None:
-        mapper, found = self._mapper, own_colors(surface)
+        mapper, stored = self._mapper, own_colors(surface)
         if picture is not None:  # VTK would multiply the picture by the surface's colours
-            found, plain = None, (255, 255, 255)
-        mapper.SetScalarVisibility(found is not None)
-        self.GetProperty().SetColor(*(part / 255 for part in plain))
-        if found is not None:
-            on_points, name = found
-            if on_points:
+            stored, plain_color = None, (255, 255, 255)
+        mapper.SetScalarVisibility(stored is not None)
+        self.GetProperty().SetColor(*(part / 255 for part in plain_color))
+        if stored is not None:
+            belongs_to_points, name = stored
+            if belongs_to_points:
                 mapper.SetScalarModeToUsePointFieldData()
             else:
                 mapper.SetScalarModeToUseCellFieldData()
@@ -214,11 +216,11 @@ def ramp_colors(values: np.ndarray, span: Span) -> np.ndarray:
 
 def own_colors(surface: vtkPolyData) -> tuple[bool, str] | None:
     """Return whether a surface's stored colours belong to points, and their array name, or None."""
-    of_cells, of_points = (
+    cell_array, point_array = (
         color_array_name(d) for d in (surface.GetCellData(), surface.GetPointData())
     )
-    name = of_cells or of_points
-    return None if name is None else (of_cells is None, name)
+    name = cell_array or point_array
+    return None if name is None else (cell_array is None, name)
 
 
 def make_color_bar() -> vtkScalarBarActor:
@@ -240,8 +242,8 @@ def make_color_bar() -> vtkScalarBarActor:
 
 def set_font(text: vtkTextProperty) -> None:
     """Set the font to DejaVu Sans, as in figures and plots and on most Linux desktops."""
-    found = find_spec("matplotlib")  # installed with PyVista; only its folder is needed
-    file = Path((found and found.origin) or "").parent / "mpl-data/fonts/ttf/DejaVuSans.ttf"
+    spec = find_spec("matplotlib")  # installed with PyVista; only its folder is needed
+    file = Path((spec and spec.origin) or "").parent / "mpl-data/fonts/ttf/DejaVuSans.ttf"
     if file.is_file():
         text.SetFontFamily(_FONT_FILE)
         text.SetFontFile(str(file))
@@ -250,8 +252,8 @@ def set_font(text: vtkTextProperty) -> None:
 def text_colors(background: Sequence[int]) -> tuple[Rgb, Rgb]:
     """Return the colours of text on a background, and of the plate behind the text."""
     red, green, blue = (part / 255 for part in background)
-    ink = (0.95, 0.965, 0.98) if is_dark(background) else (0.11, 0.13, 0.16)
-    return ink, (red, green, blue)
+    text = (0.95, 0.965, 0.98) if is_dark(background) else (0.11, 0.13, 0.16)
+    return text, (red, green, blue)
 
 
 def color_bar_title(color: str, unit: str) -> str:

@@ -37,36 +37,40 @@ class ViewScale(NamedTuple):
 
 def view_scale(camera: vtkCamera, height: float) -> ViewScale:
     """Return scale and orientation of a camera's view, for a picture of some height in units."""
-    flat = bool(camera.GetParallelProjection())
-    return ViewScale(1.0 / pixels_per_metre_at_focus(camera, height), view_axes(camera), flat)
+    is_parallel = bool(camera.GetParallelProjection())
+    return ViewScale(
+        1.0 / pixels_per_metre_at_focus(camera, height), view_axes(camera), is_parallel
+    )
 
 
-def round_length(most: float) -> float:
+def round_length(largest: float) -> float:
     """Return the largest round number that is at most `most`."""
-    size = 10.0 ** np.floor(np.log10(most))
-    return float(max(n * size for n in _ROUND if n * size <= most * (1 + 1e-9)))
+    size = 10.0 ** np.floor(np.log10(largest))
+    return float(max(n * size for n in _ROUND if n * size <= largest * (1 + 1e-9)))
 
 
 def view_axes(camera: vtkCamera) -> Floats:
     """Return the axes x, y and z in the camera's frame: right, up, towards the eye, (3, 3)."""
-    turn = camera.GetModelViewTransformMatrix()
-    seen = np.array([[turn.GetElement(row, k) for row in range(3)] for k in range(3)])
-    return np.where(np.abs(seen) < 1e-12, 0.0, seen)
+    matrix = camera.GetModelViewTransformMatrix()
+    axes = np.array([[matrix.GetElement(row, k) for row in range(3)] for k in range(3)])
+    return np.where(np.abs(axes) < 1e-12, 0.0, axes)
 
 
-def draw_key(axes: Axes, paper: PageStyle, seen: ViewScale, color: str, span: Span | None) -> None:
+def draw_key(
+    axes: Axes, page_style: PageStyle, scale: ViewScale, color: str, span: Span | None
+) -> None:
     """Draw axes, a scale bar and the colour scale side by side, for a page."""
-    _draw_triad(axes, paper, seen.axes)
-    _draw_scale(axes, paper, seen)
+    _draw_triad(axes, page_style, scale.axes)
+    _draw_scale(axes, page_style, scale)
     if span is not None:
-        _draw_colors(axes, paper, color, span)
+        _draw_colors(axes, page_style, color, span)
 
 
-def _draw_triad(axes: Axes, paper: PageStyle, turn: Floats) -> None:
+def _draw_triad(axes: Axes, page_style: PageStyle, view_directions: Floats) -> None:
     size = 7.0
-    middle = size * (0.3 - 0.8 * np.minimum(turn[:, :2], 0.0).min(axis=0))
-    for k in np.argsort(turn[:, 2]):
-        tip, color = 0.8 * size * turn[k, :2], AXES[paper.dark][k]
+    middle = size * (0.3 - 0.8 * np.minimum(view_directions[:, :2], 0.0).min(axis=0))
+    for k in np.argsort(view_directions[:, 2]):
+        tip, color = 0.8 * size * view_directions[k, :2], AXES[page_style.dark][k]
         if np.hypot(*tip) > 0.08 * size:
             look = {"arrowstyle": "-|>,head_length=0.35,head_width=0.14", "color": color}
             more = {"shrinkA": 0, "shrinkB": 0, "linewidth": 1.0, "mutation_scale": 10}
@@ -80,19 +84,21 @@ def _draw_triad(axes: Axes, paper: PageStyle, turn: Floats) -> None:
         axes.text(x, y, "xyz"[k], **style)
 
 
-def _draw_scale(axes: Axes, paper: PageStyle, seen: ViewScale) -> None:
+def _draw_scale(axes: Axes, page_style: PageStyle, scale: ViewScale) -> None:
     from matplotlib.patches import Rectangle
 
-    length = round_length(30.0 * seen.unit_length)
-    left, wide = 20.0, length / seen.unit_length
-    axes.add_patch(Rectangle((left, 4.4), wide, 0.8, facecolor=paper.ink, linewidth=0, gid="scale"))
-    words = format_quantity(length, "m")
-    axes.text(left, 5.8, words, fontsize=TEXT, color=paper.ink, va="bottom")
-    about = "without perspective" if seen.is_parallel else "in the plane of the focus"
-    axes.text(left, 3.8, about, fontsize=SMALL, color=paper.faint, va="top")
+    length = round_length(30.0 * scale.unit_length)
+    left, wide = 20.0, length / scale.unit_length
+    axes.add_patch(
+        Rectangle((left, 4.4), wide, 0.8, facecolor=page_style.ink, linewidth=0, gid="scale")
+    )
+    text = format_quantity(length, "m")
+    axes.text(left, 5.8, text, fontsize=TEXT, color=page_style.ink, va="bottom")
+    projection = "without perspective" if scale.is_parallel else "in the plane of the focus"
+    axes.text(left, 3.8, projection, fontsize=SMALL, color=page_style.faint, va="top")
 
 
-def _draw_colors(axes: Axes, paper: PageStyle, color: str, span: tuple[float, float]) -> None:
+def _draw_colors(axes: Axes, page_style: PageStyle, color: str, span: tuple[float, float]) -> None:
     from matplotlib.colors import ListedColormap
 
     unit, size = scale_unit(color, max(map(abs, span)))
@@ -110,10 +116,10 @@ def _draw_colors(axes: Axes, paper: PageStyle, color: str, span: tuple[float, fl
         interpolation="nearest",
     )
     axes.set(xlim=limits[0], ylim=limits[1])
-    style: dict[str, Any] = {"fontsize": TEXT, "color": paper.ink}
+    style: dict[str, Any] = {"fontsize": TEXT, "color": page_style.ink}
     for number in round_ticks(low, high):
         x = left + (number - low) / (high - low) * wide
-        axes.plot([x, x], [4.4, 3.7], color=paper.ink, linewidth=0.5)
+        axes.plot([x, x], [4.4, 3.7], color=page_style.ink, linewidth=0.5)
         axes.text(x, 3.3, f"{number:g}".replace("-", "−"), ha="center", va="top", **style)
     label = COLORINGS[color].label + (f" [{typeset_units(unit)}]" if unit else "")
     axes.text(left, 7.3, label, va="bottom", **style)

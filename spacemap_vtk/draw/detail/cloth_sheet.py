@@ -53,12 +53,12 @@ class ClothSheet:
         #: Values that the colours show at each crossing, (2 or 1, picks, ends), or None.
         self.crossings: NDArray[Any] | None = None
         #: Numbers with the extremes of the scale; None: use those of the crossings.
-        self.ends: NDArray[Any] | None = None
+        self.extremes: NDArray[Any] | None = None
         #: Name of the array that `crossings` shows. Below: the clearances that are sampled, and the
         #: settings of the yarns for which they were set up.
         self._array: str | None = None
         self._sampled: SampledClearances | None = None
-        self._asked: object = None
+        self._sampled_for: object = None
         self._warp = _SheetWarp()
 
     @classmethod
@@ -76,8 +76,8 @@ class ClothSheet:
         """A piece with a single yarn, which is enough for the stages above the yarns."""
         # A cage that fills the surface of the yarns needs all yarns.
         cage = self._scene.cage
-        filled = self._cage_follows_yarns and cage.method == "tetwild" and cage.inflate == 0.0
-        return WHOLE if filled else Piece(0, sum(self.cloth.size))
+        needs_all = self._cage_follows_yarns and cage.method == "tetwild" and cage.inflate == 0.0
+        return WHOLE if needs_all else Piece(0, sum(self.cloth.size))
 
     @property
     def _cage_follows_yarns(self) -> bool:
@@ -113,9 +113,9 @@ class ClothSheet:
             return
         settings = dict(self._scene.warp.settings)
         # The cage of a mode has no velocity to interpolate, so missing arrays are left out.
-        there = (cage.GetPointData(), cage.GetCellData())
+        attributes = (cage.GetPointData(), cage.GetCellData())
         names = settings["carried"].replace(",", " ").split()
-        settings["carried"] = " ".join(n for n in names if any(d.HasArray(n) for d in there))
+        settings["carried"] = " ".join(n for n in names if any(d.HasArray(n) for d in attributes))
         self._warp.follows = self._cage_follows_yarns
         if self._cage_follows_yarns and settings["outside"] == "error":
             settings["outside"] = "extrapolate"
@@ -130,23 +130,23 @@ class ClothSheet:
         name = COLORINGS[scene.view.color].array
         if coarse and self.is_slow and name == self._array:
             return
-        self._array, self.crossings, self.ends = name, None, None
+        self._array, self.crossings, self.extremes = name, None, None
         if crimp is not None and cage is not None:
             with scene.add_file_to_errors():
                 shown = "crimp" if self._shows_clearance else name
                 self.crossings = crimp.crossing_values(shown, scene.source.output, cage)
             for text in crimp.warnings:
                 scene.warn(text)
-        if self._shows_clearance and (found := self._measure_clearances(cage)) is not None:
-            self.crossings, self.ends = found
+        if self._shows_clearance and (clearances := self._measure_clearances(cage)) is not None:
+            self.crossings, self.extremes = clearances
 
     def _measure_clearances(self, cage: vtkUnstructuredGrid | None) -> Clearances | None:
         """Return the clearances between yarns, or None if they cannot be measured."""
         rows = self.cells[1] + 1, self.cells[0] + 1, 3
         points = points_of(self.moved).astype(np.float64).reshape(rows)
-        asked = self.sides, yarn_settings(self._scene)
-        if self._sampled is None or asked != self._asked:
-            self._sampled, self._asked = SampledClearances(self._scene, self.sides), asked
+        settings = self.sides, yarn_settings(self._scene)
+        if self._sampled is None or settings != self._sampled_for:
+            self._sampled, self._sampled_for = SampledClearances(self._scene, self.sides), settings
         rest = points_of(self._flat).astype(np.float64).reshape(rows)
         return self._sampled.clearances_in(cage, sheet_strains(points, rest), self.crimp_stage)
 

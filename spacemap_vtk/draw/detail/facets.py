@@ -50,12 +50,12 @@ class FacetChooser:
         """Return the subdivisions of each patch; each number is a multiple of all smaller ones."""
         needed = self.needed_subdivisions(points, patches)
         levels = self._round_up(needed)
-        sight = needed > 0.0
+        visible = needed > 0.0
         for _ in range(4):
-            many = float(np.square(levels[sight]).sum())
-            if many <= self.most_quads:
+            quads = float(np.square(levels[visible]).sum())
+            if quads <= self.most_quads:
                 break
-            needed *= 0.95 * math.sqrt(self.most_quads / many)
+            needed *= 0.95 * math.sqrt(self.most_quads / quads)
             levels = self._round_up(needed)
         return levels
 
@@ -71,54 +71,54 @@ class FacetChooser:
 
     def needed_subdivisions(self, points: AnyFloats, patches: AnyInts) -> Floats:
         """Return the subdivisions that each patch needs; 0 out of sight."""
-        found = np.zeros(len(patches))
+        needed = np.zeros(len(patches))
         if patches.shape[1] != 16:
-            return found
+            return needed
         camera = self.view.camera
-        sight, nearest = self._visible_patches(points, patches)
+        visible, nearest = self._visible_patches(points, patches)
         scale = pixels_per_metre_at_focus(camera, self.view.size[1])
         if not camera.GetParallelProjection():
             far = camera.GetDistance()
             scale = scale * far / np.maximum(nearest, _NEAREST * far)
-        bent = outline_curvature(self.plies) * _curvature_bounds(points, patches[sight])
-        found[sight] = np.sqrt(bent * scale / (8 * _ERROR))
-        return found
+        bounds = outline_curvature(self.plies) * _curvature_bounds(points, patches[visible])
+        needed[visible] = np.sqrt(bounds * scale / (8 * _ERROR))
+        return needed
 
     def _visible_patches(self, points: AnyFloats, patches: AnyInts) -> tuple[Bools, Floats]:
         """Return which patches are in sight, and the least distance of each of these."""
         width, height = self.view.size
         x, y, _, w = project_points(self.view.camera, points, width / height).T
-        seen = np.ones(len(patches), bool)
+        visible = np.ones(len(patches), bool)
         w = _BEYOND * w
         for beyond in (x < -w, x > w, y < -w, y > w):
-            seen &= ~beyond[patches].all(axis=1)
-        return seen, w[patches[seen]].min(axis=1, initial=np.inf) / _BEYOND
+            visible &= ~beyond[patches].all(axis=1)
+        return visible, w[patches[visible]].min(axis=1, initial=np.inf) / _BEYOND
 
 
-def choose_facets(stage: PatchTessellator, level: LevelOfDetail, seen: CameraView) -> None:
+def choose_facets(stage: PatchTessellator, level: LevelOfDetail, view: CameraView) -> None:
     """Set the subdivisions of a stage to those of a level of detail, for a view."""
-    facets = FacetChooser(seen, level.sides, level.near_quads, level.plies)
+    facets = FacetChooser(view, level.sides, level.near_quads, level.plies)
     stage.set_detail(level.sides, level.fibres, facets if level.near_quads else None)
 
 
 def coarse_scale(plies: int, points: AnyFloats, patches: AnyInts) -> float:
     """Return the pixels per metre up to which patches of plied yarns need only LEAST_SIDES."""
-    some = patches[:: 1 + len(patches) // _SAMPLE]
-    bent = outline_curvature(plies) * _curvature_bounds(points, some).max(initial=0.0)
-    return 8 * _ERROR * LEAST_SIDES**2 / max(float(bent), 1e-30)
+    sample = patches[:: 1 + len(patches) // _SAMPLE]
+    bound = outline_curvature(plies) * _curvature_bounds(points, sample).max(initial=0.0)
+    return 8 * _ERROR * LEAST_SIDES**2 / max(float(bound), 1e-30)
 
 
 def _curvature_bounds(points: AnyFloats, patches: AnyInts) -> Floats:
     """Return bounds of |S_uu| + |S_vv| + 2 |S_uv| of patches, which bounds their facets' error."""
-    found = np.empty(len(patches))
+    bounds = np.empty(len(patches))
     for begin in range(0, len(patches), 20_000):
-        some = slice(begin, begin + 20_000)
-        net = points[patches[some][:, _ORDER]].reshape(-1, 4, 4, 3)
+        part = slice(begin, begin + 20_000)
+        net = points[patches[part][:, _ORDER]].reshape(-1, 4, 4, 3)
         across, along = (np.diff(net, 2, axis=axis) for axis in (1, 2))
         mixed = np.diff(np.diff(net, axis=1), axis=2)
         sizes = [
             np.sqrt(np.einsum("pijk,pijk->pij", each, each).max(axis=(1, 2)))
             for each in (across, along, mixed)
         ]
-        found[some] = 6.0 * (sizes[0] + sizes[1]) + 2.0 * 9.0 * sizes[2]
-    return found
+        bounds[part] = 6.0 * (sizes[0] + sizes[1]) + 2.0 * 9.0 * sizes[2]
+    return bounds

@@ -42,8 +42,10 @@ _MOVING_PATCHES = 120_000
 #: Margin that is made around the view, as a share of the part in view.
 _MARGIN = 0.08
 #: Messages if the window shows only the sheet.
-TOO_FAR = "from so far a yarn is {:.2g} pixels wide: a sheet in the colours of the yarns is shown"
-TOO_MANY = "so many yarns are in sight that the window shows a sheet in their colours: come nearer"
+TOO_FAR = (
+    "yarns are only {:.2g} pixels wide: a sheet in their colours is shown; zoom in to see them"
+)
+TOO_MANY = "too many yarns are visible: a sheet in their colours is shown; zoom in to see them"
 
 
 class YarnPieces:
@@ -61,21 +63,21 @@ class YarnPieces:
         """Yield the surfaces of the pieces that are visible in a picture, with their numbers."""
         if self._scene.moves:
             self._stages.set_cage(self._scene.deformed_cage)
-        sight = visible_sheet_cells(sheet, camera, aspect)
-        runs = [cell_range(seen, _BESIDE) for seen in sight]
-        if any(run.start == run.stop for run in runs):
+        visible = visible_sheet_cells(sheet, camera, aspect)
+        ranges = [cell_range(mask, _BESIDE) for mask in visible]
+        if any(cells.start == cells.stop for cells in ranges):
             return
         # Yarns are cut to the part in sight.
-        part = yarns_of_cells(sheet, runs[0], runs[1])
+        part = yarns_of_cells(sheet, ranges[0], ranges[1])
         if self._level.method is DrawingMethod.TILES:
-            yield from self._visible_tiles(time, sheet, part, sight)
+            yield from self._visible_tiles(time, sheet, part, visible)
             return
         cloth = crop_cloth(self._cloth, part)
         self._stages.choose_part(part)
         self._stages.use_crossings(sheet.crimp_stage, part)
         share_in_sight = estimate_counts(cloth).patches / estimate_counts(self._cloth).patches
         count = ceil(self._level.pieces * share_in_sight)
-        columns, rows = (seen[run] for seen, run in zip(sight, runs, strict=True))
+        columns, rows = (mask[cells] for mask, cells in zip(visible, ranges, strict=True))
         for number in range(count):
             share = select_piece(cloth, number, count)
             if _has_visible_cell(columns, share.ends, cloth.size[0]) or _has_visible_cell(
@@ -86,20 +88,23 @@ class YarnPieces:
                 yield surface
 
     def _visible_tiles(
-        self, time: float, sheet: ClothSheet, part: YarnSelection, sight: Sequence[Bools]
+        self, time: float, sheet: ClothSheet, part: YarnSelection, visible: Sequence[Bools]
     ) -> Iterator[vtkPolyData]:
         """Yield tiles whose clearances were measured together with the neighbouring yarns."""
-        whole = isqrt(self._cloth.drawdown.size // self._level.pieces)
-        side = max(whole - 2 * margin_yarns(self._cloth), _LEAST_TILE)
+        side_in_memory = isqrt(self._cloth.drawdown.size // self._level.pieces)
+        side = max(side_in_memory - 2 * margin_yarns(self._cloth), _LEAST_TILE)
         ends, picks = (
-            [slice(at, min(at + side, some.stop)) for at in range(some.start, some.stop, side)]
-            for some in part
-            if isinstance(some, slice)
+            [
+                slice(start, min(start + side, yarns.stop))
+                for start in range(yarns.start, yarns.stop, side)
+            ]
+            for yarns in part
+            if isinstance(yarns, slice)
         )
         for columns in ends:
             for rows in picks:
-                seen = zip(sight, (columns, rows), self._cloth.size, strict=True)
-                if all(_has_visible_cell(cells, some, count) for cells, some, count in seen):
+                parts = zip(visible, (columns, rows), self._cloth.size, strict=True)
+                if all(_has_visible_cell(cells, yarns, count) for cells, yarns, count in parts):
                     tile = measure_tile(self._stages, columns, rows, time, sheet.crimp_stage)
                     if tile is not None:
                         yield tile.trimmed_surface
@@ -111,11 +116,11 @@ class NearYarns:
     def __init__(self, scene: Scene, sheet: ClothSheet) -> None:
         self._scene, self._sheet = scene, sheet
         self._settings = yarn_settings(scene)
-        self._own = PartStages(scene)
-        self.stages = self._own.all
-        self._own.source.configure(precision="single")  # enough, because it is only looked at
-        self._light = PatchTessellator(subdivisions=1)
-        self._light.SetInputConnection(self.stages[-2].GetOutputPort())
+        self._parts = PartStages(scene)
+        self.stages = self._parts.all
+        self._parts.source.configure(precision="single")  # enough, because it is only looked at
+        self._preview = PatchTessellator(subdivisions=1)
+        self._preview.SetInputConnection(self.stages[-2].GetOutputPort())
         #: Columns and rows of the sheet's cells that are replaced by yarns.
         self.part: tuple[slice, slice] | None = None
         self._patches = 0
@@ -126,56 +131,58 @@ class NearYarns:
         return sheet is self._sheet and yarn_settings(scene) == self._settings
 
     def follow_view(
-        self, seen: CameraView, cage: vtkUnstructuredGrid | None, swings: bool = False
+        self, view: CameraView, cage: vtkUnstructuredGrid | None, is_mode: bool = False
     ) -> str:
         """Choose the part to be made; return the reason if there is none, else an empty text."""
-        sheet, camera, (width, height) = self._sheet, seen.camera, seen.size
+        sheet, camera, (width, height) = self._sheet, view.camera, view.size
         columns, rows = (
             cell_range(cells) for cells in visible_sheet_cells(sheet, camera, width / height)
         )
         if columns.stop * rows.stop == 0:
-            return "none of the cloth is in sight"
+            return "no part of the cloth is visible"
         cloth = DrawnCloth.from_scene(self._scene)
         assert cloth is not None
         points = points_of(sheet.moved).reshape(sheet.cells[1] + 1, sheet.cells[0] + 1, 3)
         near = points[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
         scale = pixels_per_metre(camera, near.reshape(-1, 3).astype(np.float64), height)
-        if choose_near(cloth, scale, 0, seen.size).method is DrawingMethod.SHEET:
+        if choose_near(cloth, scale, 0, view.size).method is DrawingMethod.SHEET:
             return TOO_FAR.format(scale * cloth.spacing)
         wanted = columns, rows
         if not _covers(self.part, wanted):
-            wider = _widen(columns, sheet.cells[0]), _widen(rows, sheet.cells[1])
-            for part in (wider, wanted):
+            widened = _widen(columns, sheet.cells[0]), _widen(rows, sheet.cells[1])
+            for part in (widened, wanted):
                 patches = self._patch_count(part)
-                if choose_near(cloth, scale, patches, seen.size).method is DrawingMethod.NEAR:
+                if choose_near(cloth, scale, patches, view.size).method is DrawingMethod.NEAR:
                     break
             else:
                 return TOO_MANY
             self.part, self._patches = part, patches
-            self._own.choose_part(yarns_of_cells(sheet, *part))
+            self._parts.choose_part(yarns_of_cells(sheet, *part))
         if self.part is not None:
-            self._own.use_crossings(sheet.crimp_stage, yarns_of_cells(sheet, *self.part))
-        self._own.use_color_array()
-        choose_facets(self._own.surface, choose_near(cloth, scale, self._patches, seen.size), seen)
+            self._parts.use_crossings(sheet.crimp_stage, yarns_of_cells(sheet, *self.part))
+        self._parts.use_color_array()
+        choose_facets(
+            self._parts.surface, choose_near(cloth, scale, self._patches, view.size), view
+        )
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()
-            self._own.set_cage(cage)
+            self._parts.set_cage(cage)
             for stage in self.stages:
                 if isinstance(stage, BarycentricWarp):
                     # The cage of a mode has no velocity to interpolate.
-                    stage.carried = "" if swings else self._scene.warp.carried
+                    stage.carried = "" if is_mode else self._scene.warp.carried
         return ""
 
     @property
     def yarns(self) -> vtkPolyData:
         """Surface of the yarns from the last update of the stages."""
-        return self._own.surface.output
+        return self._parts.surface.output
 
     def preview(self, time: float) -> vtkPolyData | None:
         """Return a surface with one facet per patch; None if there are still too many."""
         if self._patches > _MOVING_PATCHES:
             return None
-        return self._light.update(time).output
+        return self._preview.update(time).output
 
     def _patch_count(self, part: tuple[slice, slice]) -> int:
         cloth = crop_cloth(self._sheet.cloth, yarns_of_cells(self._sheet, *part))
@@ -184,41 +191,43 @@ class NearYarns:
 
 def visible_sheet_cells(sheet: ClothSheet, camera: vtkCamera, aspect: float) -> tuple[Bools, Bools]:
     """Return which columns and which rows of a sheet's cells are in a picture."""
-    places = project_points(camera, points_of(sheet.moved), aspect)
+    clip = project_points(camera, points_of(sheet.moved), aspect)
     columns, rows = sheet.cells
-    x, y, _, w = places.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
-    seen = np.ones((rows, columns), bool)
+    x, y, _, w = clip.reshape(rows + 1, columns + 1, 4).transpose(2, 0, 1)
+    visible = np.ones((rows, columns), bool)
     for beyond in (x < -w, x > w, y < -w, y > w):
         # A cell is out of sight if all its corners are beyond the same edge of the picture.
-        seen &= ~(beyond[1:, 1:] & beyond[1:, :-1] & beyond[:-1, 1:] & beyond[:-1, :-1])
-    return np.asarray(seen.any(axis=0)), np.asarray(seen.any(axis=1))
+        visible &= ~(beyond[1:, 1:] & beyond[1:, :-1] & beyond[:-1, 1:] & beyond[:-1, :-1])
+    return np.asarray(visible.any(axis=0)), np.asarray(visible.any(axis=1))
 
 
-def cell_range(seen: Bools, beside: int = 0) -> slice:
+def cell_range(visible: Bools, margin: int = 0) -> slice:
     """Return the range of cells from the first seen one to the last, with `beside` more."""
-    found = np.flatnonzero(seen)
-    if not len(found):
+    indices = np.flatnonzero(visible)
+    if not len(indices):
         return slice(0, 0)
-    return slice(max(int(found[0]) - beside, 0), min(int(found[-1]) + 1 + beside, len(seen)))
+    return slice(max(int(indices[0]) - margin, 0), min(int(indices[-1]) + 1 + margin, len(visible)))
 
 
 def yarns_of_cells(sheet: ClothSheet, columns: slice, rows: slice) -> YarnSelection:
     """Return the yarns that cross in the given cells of a sheet."""
     ends, picks = (
-        slice(cells.start * count // of, -(-cells.stop * count // of))
-        for cells, count, of in zip((columns, rows), sheet.cloth.size, sheet.cells, strict=True)
+        slice(cells.start * count // cell_count, -(-cells.stop * count // cell_count))
+        for cells, count, cell_count in zip(
+            (columns, rows), sheet.cloth.size, sheet.cells, strict=True
+        )
     )
     return YarnSelection(ends, picks)
 
 
-def _has_visible_cell(seen: Bools, some: YarnIndices, count: int) -> bool:
+def _has_visible_cell(visible: Bools, yarns: YarnIndices, count: int) -> bool:
     """Test whether any of the yarns is in a seen cell or next to one."""
-    assert isinstance(some, slice)
-    if some.start >= some.stop:
+    assert isinstance(yarns, slice)
+    if yarns.start >= yarns.stop:
         return False
-    first = int(some.start * len(seen) / count) - 1
-    last = ceil(some.stop * len(seen) / count) + 1
-    return bool(seen[max(first, 0) : last].any())
+    first = int(yarns.start * len(visible) / count) - 1
+    last = ceil(yarns.stop * len(visible) / count) + 1
+    return bool(visible[max(first, 0) : last].any())
 
 
 def _widen(cells: slice, count: int) -> slice:

@@ -34,7 +34,10 @@ def check_strands(text: str) -> str:
     if text in STRANDS or (text.isdecimal() and 0 < int(text) <= 10_000):
         return text
     raise InputError(
-        "no such curves", key="--curves", value=text, allowed=f"{', '.join(STRANDS)}, or a number"
+        "unknown kind of curves",
+        key="--curves",
+        value=text,
+        allowed=f"{', '.join(STRANDS)}, or a number of fibres",
     )
 
 
@@ -43,44 +46,44 @@ class YarnRecorder:
 
     def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
         self._scene, self._strands, self._times = scene, strands, times
-        self._made: Weave | None = None
+        self._weave: Weave | None = None
         if scene.woven is not None:
             self._cloth = scene.woven.cloth
-            made = build_weave(self._cloth, kind=np.float32)
+            weave = build_weave(self._cloth, kind=np.float32)
             # The patches of a part of a weave have other points, and are not supported.
-            if len(made.points) == scene.patches.GetNumberOfPoints():
-                self._made = made
+            if len(weave.points) == scene.patches.GetNumberOfPoints():
+                self._weave = weave
         self._points: Singles = np.zeros((times, 0, 3), np.float32)
         self._curves: StrandCurves | None = None
 
     def record(self, number: int) -> None:
         """Record the curves of the scene's last update as those of time `number`."""
-        if self._made is None:
+        if self._weave is None:
             return
         if self._strands == "yarns":
-            points = points_of(self._scene.patches)
-            found = np.concatenate([tubes.ring_centres(points) for tubes in self._made.tubes])
+            controls = points_of(self._scene.patches)
+            points = np.concatenate([tubes.ring_centres(controls) for tubes in self._weave.tubes])
         else:
             count = int(self._strands) if self._strands.isdecimal() else None
             self._curves = self.strands(0 if self._strands == "plies" else count)
-            found = self._curves.points
+            points = self._curves.points
         if not self._points.size:
-            size = 12 * self._times * len(found)
-            require_memory(
-                size, f"{self._strands} at {self._times} times", cure="Take fewer of them."
-            )
-            self._points = np.zeros((self._times, *found.shape), np.float32)
-        self._points[number] = found
+            size = 12 * self._times * len(points)
+            require_memory(size, f"{self._strands} at {self._times} times", cure="Use fewer times.")
+            self._points = np.zeros((self._times, *points.shape), np.float32)
+        self._points[number] = points
 
-    def strands(self, fibres: int | None, within: PointFilter | None = None) -> StrandCurves:
+    def strands(self, fibres: int | None, is_visible: PointFilter | None = None) -> StrandCurves:
         """Return the deformed plies (0), or a number of fibres of each yarn (None: all)."""
-        assert self._made is not None
+        assert self._weave is not None
         patches, cloth = self._scene.patches, self._cloth
         rational = patches.GetPointData().GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
         fibres = fibre_count(cloth) if fibres is None else fibres
-        made, points = self._made, points_of(patches)
-        return build_strand_curves(cloth, made.tubes, made.places, points, weights, fibres, within)
+        weave, points = self._weave, points_of(patches)
+        return build_strand_curves(
+            cloth, weave.tubes, weave.places, points, weights, fibres, is_visible
+        )
 
     @property
     def colors(self) -> Bytes:
@@ -92,12 +95,12 @@ class YarnRecorder:
     @property
     def curves(self) -> YarnCurves | None:
         """The recorded curves; None if there are no yarns."""
-        if self._made is None:
+        if self._weave is None:
             return None
         if (curves := self._curves) is not None:
             colors = self.colors[curves.yarn]
             return YarnCurves(self._points, curves.counts, 2.0 * curves.radii, colors, "bspline")
-        counts = np.concatenate([3 * each.parts + 1 for each in self._made.tubes])
+        counts = np.concatenate([3 * each.parts + 1 for each in self._weave.tubes])
         return YarnCurves(self._points, counts, self._cloth.strands[2], self.colors)
 
 

@@ -16,14 +16,22 @@ from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.sweep import Sweep
 from spacemap_vtk.units import format_quantity
 
-#: _WIDE: approximate width of a sheet in pixels. _NARROWEST, _WIDEST: limits of a cell's width.
-_WIDE, _NARROWEST, _WIDEST = 2200, 150, 520
+#: Approximate width of a sheet, in pixels.
+_SHEET_WIDTH = 2200
+#: Least width of a cell, in pixels.
+_LEAST_WIDTH = 150
+#: Largest width of a cell, in pixels.
+_LARGEST_WIDTH = 520
 #: Up to this number, all cells of a single list are in one row.
-_ROW = 4
+_MAX_ROW = 4
 #: Largest side of a sheet in pixels.
-_LARGEST = 16_000
-_INK, _FAINT, _PAPER, _EMPTY = (40, 46, 54), (118, 126, 138), (255, 255, 255), (244, 245, 247)
-_LINE, _FAILED = (214, 219, 226), (150, 70, 40)
+_LARGEST_SIDE = 16_000
+_INK = (40, 46, 54)
+_FAINT = (118, 126, 138)
+_PAPER = (255, 255, 255)
+_EMPTY = (244, 245, 247)
+_LINE = (214, 219, 226)
+_FAILED = (150, 70, 40)
 _Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 
@@ -40,18 +48,18 @@ def contact_sheet(
 ) -> Bytes:
     """Draw the pictures of runs: two or more lists as a table, a single list row by row."""
     axes = _axes(sweep)
-    shots = max((len(each) for each in files.values()), default=1)
+    pictures_per_run = max((len(each) for each in files.values()), default=1)
     cells = [
         (path, errors.get(run.name, "not run"))
         for run in sweep.runs
-        for path in islice(chain(files.get(run.name, ()), repeat(None)), shots)
+        for path in islice(chain(files.get(run.name, ()), repeat(None)), pictures_per_run)
     ]
     if len(axes) < 2:
         return _draw_sheet(title, None, axes[0] if axes else None, cells)
-    *above, last = axes
-    rows = [sum(each, ()) for each in product(*(axis.values for axis in above))]
-    down = _Axis(sum((axis.names for axis in above), ()), rows)
-    return _draw_sheet(title, down, last, cells)
+    *outer, column_axis = axes
+    rows = [sum(each, ()) for each in product(*(axis.values for axis in outer))]
+    row_axis = _Axis(sum((axis.names for axis in outer), ()), rows)
+    return _draw_sheet(title, row_axis, column_axis, cells)
 
 
 def _axes(sweep: Sweep) -> list[_Axis]:
@@ -76,31 +84,36 @@ def sweep_label(sweep: Sweep, number: int) -> str:
 
 
 def _draw_sheet(
-    title: str, down: _Axis | None, across: _Axis | None, cells: list[tuple[Path | None, str]]
+    title: str,
+    row_axis: _Axis | None,
+    column_axis: _Axis | None,
+    cells: list[tuple[Path | None, str]],
 ) -> Bytes:
     sizes = [_picture_size(path) for path, _ in cells if path is not None] or [(4, 3)]
-    shape = max(height / width for width, height in sizes)
+    aspect = max(height / width for width, height in sizes)
     count = len(cells)
-    if down and across:
-        columns = len(across.values)
+    if row_axis and column_axis:
+        columns = len(column_axis.values)
     else:
-        columns = count if count <= _ROW else math.ceil(math.sqrt(count * 1.5 * shape))
+        columns = count if count <= _MAX_ROW else math.ceil(math.sqrt(count * 1.5 * aspect))
     rows = math.ceil(count / columns)
-    width = min(max(_WIDE // columns, _NARROWEST), _WIDEST, max(size[0] for size in sizes))
-    width = min(width, _LARGEST // columns, int(_LARGEST / (rows * shape)) - 40)
-    height = round(width * shape)
+    width = min(
+        max(_SHEET_WIDTH // columns, _LEAST_WIDTH), _LARGEST_WIDTH, max(size[0] for size in sizes)
+    )
+    width = min(width, _LARGEST_SIDE // columns, int(_LARGEST_SIDE / (rows * aspect)) - 40)
+    height = round(width * aspect)
     size = max(12, width // 20)
     font, small = ImageFont.load_default(size), ImageFont.load_default(max(11, size * 3 // 4))
     gap, line = size, round(1.35 * size)
-    names = len(across.names) if across else 0
-    label = names * 2 * line if down else names * line
+    names = len(column_axis.names) if column_axis else 0
+    label = names * 2 * line if row_axis else names * line
     left = gap
-    if down:
-        words = [*down.names, *(word for row in down.values for word in row)]
-        left = round(max(font.getlength(word) for word in words)) + 2 * gap
-    head = 2 * line + gap
-    top = head + (label if down else 0)
-    step = height + gap + (0 if down else label)
+    if row_axis:
+        texts = [*row_axis.names, *(word for row in row_axis.values for word in row)]
+        left = round(max(font.getlength(word) for word in texts)) + 2 * gap
+    header = 2 * line + gap
+    top = header + (label if row_axis else 0)
+    step = height + gap + (0 if row_axis else label)
     sheet = Image.new("RGB", (left + columns * (width + gap), top + rows * step + gap // 2), _PAPER)
     pen = ImageDraw.Draw(sheet)
     pen.text((gap, gap), title, _INK, ImageFont.load_default(round(1.2 * size)), anchor="la")
@@ -110,25 +123,26 @@ def _draw_sheet(
         if path is None:
             _draw_missing(pen, (x, y, x + width, y + height), error, small)
         else:
-            shrunk = _shrink(path, (width, height))
+            thumbnail = _shrink(path, (width, height))
             sheet.paste(
-                shrunk, (x + (width - shrunk.width) // 2, y + (height - shrunk.height) // 2)
+                thumbnail,
+                (x + (width - thumbnail.width) // 2, y + (height - thumbnail.height) // 2),
             )
         pen.rectangle((x, y, x + width - 1, y + height - 1), outline=_LINE)
-        if across and not down:
-            told = zip(across.names, across.values[number], strict=True)
-            for k, (name, value) in enumerate(told):
+        if column_axis and not row_axis:
+            labels = zip(column_axis.names, column_axis.values[number], strict=True)
+            for k, (name, value) in enumerate(labels):
                 place = x + width / 2, y + height + gap // 3 + k * line
                 _write_pair(pen, place, name, value, font, small)
-    if down and across:
-        for column, values in enumerate(across.values):
+    if row_axis and column_axis:
+        for column, values in enumerate(column_axis.values):
             middle = left + column * (width + gap) + width / 2
-            for k, (name, value) in enumerate(zip(across.names, values, strict=True)):
-                pen.text((middle, head + 2 * k * line), name, _FAINT, small, anchor="ma")
-                pen.text((middle, head + (2 * k + 0.8) * line), value, _INK, font, anchor="ma")
-        for row, values in enumerate(down.values):
+            for k, (name, value) in enumerate(zip(column_axis.names, values, strict=True)):
+                pen.text((middle, header + 2 * k * line), name, _FAINT, small, anchor="ma")
+                pen.text((middle, header + (2 * k + 0.8) * line), value, _INK, font, anchor="ma")
+        for row, values in enumerate(row_axis.values):
             start = top + row * step + height / 2 - len(values) * line
-            for k, (name, value) in enumerate(zip(down.names, values, strict=True)):
+            for k, (name, value) in enumerate(zip(row_axis.names, values, strict=True)):
                 high = start + 2 * k * line
                 pen.text((left - gap, high), name, _FAINT, small, anchor="ra")
                 pen.text((left - gap, high + 0.8 * line), value, _INK, font, anchor="ra")
@@ -140,10 +154,10 @@ def _picture_size(path: Path) -> tuple[int, int]:
         return picture.size
 
 
-def _shrink(path: Path, room: tuple[int, int]) -> Image.Image:
+def _shrink(path: Path, cell: tuple[int, int]) -> Image.Image:
     """Return a picture scaled to fit into a cell."""
     with Image.open(path) as picture:
-        share = min(room[0] / picture.width, room[1] / picture.height)
+        share = min(cell[0] / picture.width, cell[1] / picture.height)
         size = max(1, round(share * picture.width)), max(1, round(share * picture.height))
         return picture.convert("RGB").resize(size, Image.Resampling.LANCZOS, reducing_gap=3.0)
 
@@ -170,8 +184,8 @@ def _draw_missing(
     """Draw a cell without a picture, with the error."""
     pen.rectangle(box, fill=_EMPTY)
     size = getattr(font, "size", 12)
-    room = max(8, int((box[2] - box[0]) / (0.56 * size)))
-    lines = textwrap.wrap(error, room)
+    characters = max(8, int((box[2] - box[0]) / (0.56 * size)))
+    lines = textwrap.wrap(error, characters)
     most = max(1, int((box[3] - box[1]) / (1.5 * size)) - 1)
     text = "\n".join(lines[:most]) + (" …" if len(lines) > most else "")
     middle = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2

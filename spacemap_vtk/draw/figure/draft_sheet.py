@@ -18,56 +18,65 @@ from spacemap_vtk.scenes.editable_draft import EditableDraft
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: _GAP: gap between the grids, for numbers, in cells, but at least _LEAST mm. _STRIP: width of a
-#: strip of yarn colours, in cells. _NEAR: gap before a strip, in cells.
-_GAP, _STRIP, _NEAR, _LEAST = 0.9, 0.7, 0.25, 3.0
-#: LARGEST: largest side of a cell in mm. _LINED: cells smaller than this have no lines between
-#: them, in mm.
-LARGEST, _LINED = 4.5, 0.7
+#: Gap between the grids, for numbers, in cells.
+_GAP = 0.9
+#: Least gap between the grids, in mm.
+_LEAST_GAP = 3.0
+#: Width of a strip of yarn colours, in cells.
+_STRIP = 0.7
+#: Gap before a strip, in cells.
+_STRIP_GAP = 0.25
+#: Largest side of a cell, in mm.
+LARGEST = 4.5
+#: Cells smaller than this have no lines between them, in mm.
+_LEAST_LINED = 0.7
 #: Every line with a multiple of this number is heavier.
 _GROUP = 4
 
 
-def draft_tile(shown: EditableDraft, caption: str) -> Tile:
+def draft_tile(draft: EditableDraft, caption: str) -> Tile:
     """Return a tile with the drawing of a draft."""
-    rows = shown.size[1] + _GAP + shown.loom.shafts + _NEAR + _STRIP
-    across = shown.size[0] + _GAP + shown.columns + _NEAR + _STRIP
+    rows = draft.size[1] + _GAP + draft.loom.shafts + _STRIP_GAP + _STRIP
+    across = draft.size[0] + _GAP + draft.columns + _STRIP_GAP + _STRIP
 
     def gap(cell: float) -> float:
-        return max(_GAP * cell, _LEAST)
+        return max(_GAP * cell, _LEAST_GAP)
 
     def cell_of(width: float) -> float:
-        return min(width / across, (width - _LEAST) / (across - _GAP))
+        return min(width / across, (width - _LEAST_GAP) / (across - _GAP))
 
     def height(width: float) -> float:
         cell = cell_of(width)
         return cell * (rows - _GAP) + gap(cell)
 
-    def draw(axes: Axes, paper: PageStyle) -> None:
+    def draw(axes: Axes, page_style: PageStyle) -> None:
         cell = cell_of(axes.get_xlim()[1])
-        _draw(axes, paper, shown, cell, gap(cell))
+        _draw(axes, page_style, draft, cell, gap(cell))
 
     return Tile(draw, height, caption, across, across * LARGEST)
 
 
-def _draw(axes: Axes, paper: PageStyle, shown: EditableDraft, cell: float, gap: float) -> None:
-    (ends, picks), loom = shown.size, shown.loom
+def _draw(axes: Axes, page_style: PageStyle, draft: EditableDraft, cell: float, gap: float) -> None:
+    (ends, picks), loom = draft.size, draft.loom
     right, above = ends * cell + gap, picks * cell + gap
     grids = {
-        "drawdown": (shown.drawdown, (0.0, 0.0)),
-        "threading": (shown.marks("threading"), (0.0, above)),
-        "treadling": (shown.marks("treadling"), (right, 0.0)),
+        "drawdown": (draft.drawdown, (0.0, 0.0)),
+        "threading": (draft.marks("threading"), (0.0, above)),
+        "treadling": (draft.marks("treadling"), (right, 0.0)),
     }
     if loom.liftplan is None:
-        grids["tieup"] = shown.marks("tieup"), (right, above)
+        grids["tieup"] = draft.marks("tieup"), (right, above)
     for name, (marks, corner) in grids.items():
-        _draw_grid(axes, paper, name, marks, corner, cell)
-    far = right + (shown.columns + _NEAR) * cell, above + (loom.shafts + _NEAR) * cell
-    _draw_strip(axes, paper, shown.warp, np.array([0.0, far[1]]), cell, along=0)
-    _draw_strip(axes, paper, shown.weft, np.array([far[0], 0.0]), cell, along=1)
-    style: dict[str, Any] = {"fontsize": SMALL - 0.5, "color": paper.faint, "clip_on": False}
+        _draw_grid(axes, page_style, name, marks, corner, cell)
+    far_corner = (
+        right + (draft.columns + _STRIP_GAP) * cell,
+        above + (loom.shafts + _STRIP_GAP) * cell,
+    )
+    _draw_strip(axes, page_style, draft.warp, np.array([0.0, far_corner[1]]), cell, along=0)
+    _draw_strip(axes, page_style, draft.weft, np.array([far_corner[0], 0.0]), cell, along=1)
+    style: dict[str, Any] = {"fontsize": SMALL - 0.5, "color": page_style.faint, "clip_on": False}
     middle = {"ha": "center", "va": "center", **style}
-    for count, begin in ((ends, 0.0), (shown.columns, right)):
+    for count, begin in ((ends, 0.0), (draft.columns, right)):
         for number in _tick_numbers(count, cell):
             x = begin + (number - 0.5) * cell
             axes.text(x, above - 0.5 * gap, str(number), **middle)
@@ -78,7 +87,12 @@ def _draw(axes: Axes, paper: PageStyle, shown: EditableDraft, cell: float, gap: 
 
 
 def _draw_grid(
-    axes: Axes, paper: PageStyle, name: str, marks: Bools, corner: tuple[float, float], cell: float
+    axes: Axes,
+    page_style: PageStyle,
+    name: str,
+    marks: Bools,
+    corner: tuple[float, float],
+    cell: float,
 ) -> None:
     """Draw a grid whose black squares are a single shape; the first row is at the bottom."""
     from matplotlib.collections import LineCollection
@@ -86,7 +100,7 @@ def _draw_grid(
     from matplotlib.path import Path
 
     rows, columns = marks.shape
-    size, back = cell * np.array([columns, rows]), "#232a33" if paper.dark else "#ffffff"
+    size, back = cell * np.array([columns, rows]), "#232a33" if page_style.dark else "#ffffff"
     axes.add_patch(Rectangle(corner, *size, facecolor=back, linewidth=0))
     places = np.argwhere(marks)[:, ::-1]
     if len(places):
@@ -94,7 +108,7 @@ def _draw_grid(
         vertices = corner + cell * (places[:, None] + turn).reshape(-1, 2)
         codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(places)
         shape = Path(vertices, codes)
-        axes.add_patch(PathPatch(shape, facecolor=paper.ink, linewidth=0, gid=name))
+        axes.add_patch(PathPatch(shape, facecolor=page_style.ink, linewidth=0, gid=name))
     fine: list[Floats] = []
     heavy: list[Floats] = []
     for count, axis in ((columns, 0), (rows, 1)):
@@ -103,14 +117,16 @@ def _draw_grid(
             line[:, axis] += number * cell
             line[1, 1 - axis] += size[1 - axis]
             (heavy if number in (0, count) or number % _GROUP == 0 else fine).append(line)
-    if cell >= _LINED:
-        axes.add_collection(LineCollection(fine, colors=paper.faint, linewidths=0.2))
-    frame = heavy if _GROUP * cell >= _LINED else [heavy[0], heavy[-1]]
-    axes.add_collection(LineCollection(frame, colors=paper.faint, linewidths=0.45, clip_on=False))
+    if cell >= _LEAST_LINED:
+        axes.add_collection(LineCollection(fine, colors=page_style.faint, linewidths=0.2))
+    frame = heavy if _GROUP * cell >= _LEAST_LINED else [heavy[0], heavy[-1]]
+    axes.add_collection(
+        LineCollection(frame, colors=page_style.faint, linewidths=0.45, clip_on=False)
+    )
 
 
 def _draw_strip(
-    axes: Axes, paper: PageStyle, colors: Bytes, corner: Floats, cell: float, along: int
+    axes: Axes, page_style: PageStyle, colors: Bytes, corner: Floats, cell: float, along: int
 ) -> None:
     from matplotlib.collections import PolyCollection
 
@@ -118,7 +134,7 @@ def _draw_strip(
     step[along], wide[1 - along] = cell, _STRIP * cell
     begin = corner + np.arange(len(colors))[:, None] * step
     squares = np.stack([begin, begin + step, begin + step + wide, begin + wide], axis=1)
-    edges = paper.faint if cell >= _LINED else "face"
+    edges = page_style.faint if cell >= _LEAST_LINED else "face"
     axes.add_collection(
         PolyCollection(list(squares), facecolors=colors / 255, edgecolors=edges, linewidths=0.2)
     )

@@ -36,20 +36,22 @@ if TYPE_CHECKING:
 
 #: Panels that a page can have, with their descriptions.
 PANELS = {
-    "pictures": "the scene at each of the times, with each of the values",
-    "draft": "threading, tie-up, treadling and drawdown, as the cloth lies",
-    "cloth": "the cloth's face, flat and still, beside its draft where both are asked for",
+    "pictures": "the scene at each time and with each value",
+    "draft": "threading, tie-up, treadling and drawdown",
+    "cloth": "the undeformed cloth from the front, next to its draft",
     "section": "the cloth cut along an end and along a pick, with Peirce's dimensions",
 }
-#: _MOST: largest number of pictures on a page. _SEEN: largest number of ends or picks in a draft;
-#: more would be too small to see.
-_MOST, _SEEN = 60, 160
-#: _FLATTEST, _TALLEST: limits of a picture's height over its width. _KEY: height of the key below
-#: the pictures, in mm.
-_FLATTEST, _TALLEST, _KEY = 0.3, 1.5, 9.5
+#: Largest number of pictures on a page.
+_MAX_PICTURES = 60
+#: Largest number of ends or picks in a draft; more would be too small to see.
+_MAX_THREADS = 160
+#: Least and largest height of a picture over its width.
+_ASPECTS = (0.3, 1.5)
+#: Height of the key below the pictures, in mm.
+_KEY_HEIGHT = 9.5
 
 #: Empty tile that fills the last row of pictures. Its height is not 0, because axes need a height.
-_BLANK = Tile(lambda axes, paper: None, lambda width: 1.0, has_letter=False)
+_BLANK = Tile(lambda axes, page_style: None, lambda width: 1.0, has_letter=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,153 +80,151 @@ class FigurePage(PageStyle):
         super().__post_init__()
         if unknown := [name for name in self.panels if name not in PANELS]:
             raise InputError(
-                "no such panel",
+                "unknown panel",
                 key="--panels",
                 value=unknown[0],
                 allowed=", ".join(f"{name} ({words})" for name, words in PANELS.items()),
             )
         if self.columns is not None and self.columns < 1:
-            raise InputError(
-                "no number of pictures", key="--columns", value=self.columns, allowed="1 or more"
-            )
+            raise InputError("columns must be at least 1", key="--columns", value=self.columns)
 
 
-def make_figure(scene: Scene, asked: FigurePage, tell: StepProgress = lambda *_: None) -> Figure:
+def make_figure(
+    scene: Scene, page: FigurePage, report_progress: StepProgress = lambda *_: None
+) -> Figure:
     """Return a scene's figure; with swept values, only pictures show more than the first one."""
     sweep = make_sweep(
         scene,
         scene_values(scene),
-        asked.lists,
+        page.lists,
         file=(scene.file or Path("scene")).absolute(),
-        paired=asked.paired,
-        times=asked.times,
+        paired=page.paired,
+        times=page.times,
     )
     sweep.check()
-    if asked.cage and not scene.moves:
+    if page.cage and not scene.moves:
         raise InputError(
-            f"{scene.title}: a scene without a cage that moves",
+            f"{scene.title}: this scene has no moving cage",
             key="--cage",
-            cure="Leave it out, or add a section [response].",
+            cure="Omit it, or add a section [response].",
         )
     first = sweep.runs[0].scene()
-    panels = asked.panels
+    panels = page.panels
     if not panels:
-        still = not scene.moves and scene.woven is not None and len(sweep.runs) == 1
-        panels = ("draft", "cloth", "section") if still else ("pictures",)
-    if scene.woven is None and (no := [name for name in panels if name != "pictures"]):
+        is_still_cloth = not scene.moves and scene.woven is not None and len(sweep.runs) == 1
+        panels = ("draft", "cloth", "section") if is_still_cloth else ("pictures",)
+    if scene.woven is None and (unavailable := [name for name in panels if name != "pictures"]):
         raise InputError(
             f"{scene.title}: this scene is not woven",
             key="--panels",
-            value=no[0],
+            value=unavailable[0],
             allowed="pictures",
         )
     rows: list[list[Tile]] = []
-    drawn = [first]
+    scenes = [first]
     for name in panels:
         if name == "pictures":
-            shots = _PictureTiles(sweep, asked)
-            rows += shots.rows
-            drawn += shots.scenes
+            pictures = _PictureTiles(sweep, page)
+            rows += pictures.rows
+            scenes += pictures.scenes
             continue
         woven = first.woven
         assert woven is not None  # checked above: other panels need a woven scene
         if name == "section":
-            for family, number in enumerate((asked.end, asked.pick)):
+            for family, number in enumerate((page.end, page.pick)):
                 yarn = None if number is None else number - 1
                 rows.append([section_tile(cut_cloth(woven.cloth, family, yarn))])
         elif name == "draft" or "draft" not in panels:
-            drawn.append(_cloth_scene(sweep.runs[0]))
+            scenes.append(_cloth_scene(sweep.runs[0]))
             rows.append(
                 _weave_row(
-                    drawn[-1],
+                    scenes[-1],
                     [k for k in ("draft", "cloth") if k in panels],
-                    asked.dark,
+                    page.dark,
                     woven.cloth.size,
                 )
             )
-    made = lay_out_page(rows, asked, tell)
-    for text in dict.fromkeys(text for each in drawn for text in each.warnings):
+    figure = lay_out_page(rows, page, report_progress)
+    for text in dict.fromkeys(text for each in scenes for text in each.warnings):
         scene.warn(text)
-    return made
+    return figure
 
 
 def _cloth_scene(run: Run) -> Scene:
     """Return a scene with the cloth alone, cut to the ends and picks that can be seen."""
-    whole = run.scene()
-    source = whole.source.section
-    scene = Scene({"title": whole.title, source: run.scene_values.get(source, {})}, run.file)
+    full_scene = run.scene()
+    source = full_scene.source.section
+    scene = Scene({"title": full_scene.title, source: run.scene_values.get(source, {})}, run.file)
     assert scene.woven is not None
     ends, picks = scene.woven.cloth.size
-    if max(ends, picks) > _SEEN:
-        scene.assign(source, "ends", min(ends, _SEEN))
-        scene.assign(source, "picks", min(picks, _SEEN))
-        scene.warn(f"of {ends} ends and {picks} picks the first {_SEEN} are drawn")
+    if max(ends, picks) > _MAX_THREADS:
+        scene.assign(source, "ends", min(ends, _MAX_THREADS))
+        scene.assign(source, "picks", min(picks, _MAX_THREADS))
+        scene.warn(f"only the first {_MAX_THREADS} of {ends} ends and {picks} picks are drawn")
     return scene
 
 
-def _weave_row(
-    scene: Scene, kinds: Sequence[str], dark: bool, whole: tuple[int, int]
-) -> list[Tile]:
+def _weave_row(scene: Scene, kinds: Sequence[str], dark: bool, size: tuple[int, int]) -> list[Tile]:
     """Return draft and cloth side by side, with each pick beside its row of the draft."""
     assert scene.woven is not None
-    shown = make_editable_draft(scene.woven)
-    ends, picks = shown.size
+    draft = make_editable_draft(scene.woven)
+    ends, picks = draft.size
     sides = cloth_lengths(scene.woven.cloth)
-    shape = sides[1] / sides[0]
+    aspect = sides[1] / sides[0]
 
-    def draw(axes: Axes, paper: PageStyle) -> None:
-        _match_background(scene, paper)
-        place = Viewpoint(
+    def draw(axes: Axes, page_style: PageStyle) -> None:
+        _match_background(scene, page_style)
+        viewpoint = Viewpoint(
             (0.0, 0.0, 10 * max(sides)), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), sides[1] / 2
         )
-        _draw_picture(axes, paper, scene, 0.0, "fabric", place=place)
+        _draw_picture(axes, page_style, scene, 0.0, "fabric", viewpoint=viewpoint)
 
     # Only the first ends and picks of a large cloth are drawn.
-    part = "" if (ends, picks) == whole else f", of {whole[0]} × {whole[1]}"
+    part = "" if (ends, picks) == size else f", of {size[0]} × {size[1]}"
     tiles = []
     if "draft" in kinds:
-        where = "light" if dark else "black"
-        words = f"Draft{part and ', its beginning'}: where {where}, the end lies over the pick"
-        tiles.append(draft_tile(shown, words))
+        mark = "light" if dark else "black"
+        caption = f"Draft{part and ', first part'} ({mark}: end over pick)"
+        tiles.append(draft_tile(draft, caption))
     if "cloth" in kinds:
-        wide = picks / shape
-        long = " × ".join(format_quantity(side, "m", 3) for side in sides)
-        words = f"Cloth, {ends} × {picks}{part}, {long}"
-        tiles.append(Tile(draw, lambda width: shape * width, words, wide, wide * LARGEST))
+        weight = picks / aspect
+        dimensions = " × ".join(format_quantity(side, "m", 3) for side in sides)
+        caption = f"Cloth, {ends} × {picks}{part}, {dimensions}"
+        tiles.append(Tile(draw, lambda width: aspect * width, caption, weight, weight * LARGEST))
     return tiles
 
 
 class _PictureTiles:
     """The tiles of a scene's pictures, with a common camera, colour scale and key."""
 
-    def __init__(self, sweep: Sweep, asked: FigurePage) -> None:
+    def __init__(self, sweep: Sweep, page: FigurePage) -> None:
         self._sweep = sweep
         self.scenes = [run.scene() for run in sweep.runs]
         first = self.scenes[0]
         times = sweep.runs[0].times or self._times(first)
-        shots = list(product(range(len(self.scenes)), times))
-        if len(shots) * (1 + asked.cage) > _MOST:
+        pictures = list(product(range(len(self.scenes)), times))
+        if len(pictures) * (1 + page.cage) > _MAX_PICTURES:
             raise InputError(
-                f"{len(shots) * (1 + asked.cage)} pictures are too many for a page",
-                allowed=f"up to {_MOST}",
-                cure='Ask for fewer times or values; "spacemap sweep" draws more.',
+                f"{len(pictures) * (1 + page.cage)} pictures are too many for a page",
+                allowed=f"up to {_MAX_PICTURES}",
+                cure='Use fewer times or values; "spacemap sweep" can draw more.',
             )
         for scene in self.scenes:
-            _match_background(scene, asked)
+            _match_background(scene, page)
         self._extent: Extent = combine_extents(
             [motion_extent(scene, times) for scene in self.scenes]
         )
-        self._shape = _aspect(self._extent[0], camera_of(first))
-        chosen = first.view.show if first.moves else "fabric"
-        kinds = ["cage", "fabric"] if asked.cage else ["fabric" if "side" in chosen else chosen]
-        columns = asked.columns or _columns(len(self.scenes), len(times))
+        self._aspect = _aspect(self._extent[0], camera_of(first))
+        shown = first.view.show if first.moves else "fabric"
+        kinds = ["cage", "fabric"] if page.cage else ["fabric" if "side" in shown else shown]
+        columns = page.columns or _columns(len(self.scenes), len(times))
         #: Scale and orientation of all pictures; None until the first one is drawn.
-        self._seen: ViewScale | None = None
+        self._scale: ViewScale | None = None
         self.rows: list[list[Tile]] = []
-        for start in range(0, len(shots), columns):
-            some = shots[start : start + columns]
+        for start in range(0, len(pictures), columns):
+            row_pictures = pictures[start : start + columns]
             for kind in kinds:
-                row = [self._tile(number, time, kind) for number, time in some]
+                row = [self._tile(number, time, kind) for number, time in row_pictures]
                 # Blanks keep the pictures of the last row from becoming larger than the others.
                 missing = columns - len(row) if start else 0
                 self.rows.append(row + [_BLANK] * missing)
@@ -234,34 +234,34 @@ class _PictureTiles:
         """Return the beginning, a quarter and a half of a period."""
         if not scene.moves:
             return [scene.view.time]
-        found = period_times(scene)
-        return [found[0], 0.5 * (found[1] + found[2]), found[3]]
+        times = period_times(scene)
+        return [times[0], 0.5 * (times[1] + times[2]), times[3]]
 
     def _tile(self, number: int, time: float, kind: str) -> Tile:
-        def draw(axes: Axes, paper: PageStyle) -> None:
+        def draw(axes: Axes, page_style: PageStyle) -> None:
             scene = self.scenes[number]
-            self._seen = _draw_picture(axes, paper, scene, time, kind, extent=self._extent)
+            self._scale = _draw_picture(axes, page_style, scene, time, kind, extent=self._extent)
 
-        words = []
+        caption = []
         run = self._sweep.runs[number]
         for k, (each, value) in enumerate(zip(self._sweep.axes, run.chosen, strict=True)):
-            words.append(f"{sweep_label(self._sweep, k)} {each.label(value)}")
+            caption.append(f"{sweep_label(self._sweep, k)} {each.label(value)}")
         if self.scenes[number].moves:
-            words.append(f"t = {format_quantity(time, 's', 4)}")
-        return Tile(draw, lambda width: self._shape * width, ", ".join(words))
+            caption.append(f"t = {format_quantity(time, 's', 4)}")
+        return Tile(draw, lambda width: self._aspect * width, ", ".join(caption))
 
     def _key(self) -> Tile:
-        def draw(axes: Axes, paper: PageStyle) -> None:
-            assert self._seen is not None
-            draw_key(axes, paper, self._seen, self.scenes[0].view.color, self._extent[1])
+        def draw(axes: Axes, page_style: PageStyle) -> None:
+            assert self._scale is not None
+            draw_key(axes, page_style, self._scale, self.scenes[0].view.color, self._extent[1])
 
-        return Tile(draw, lambda width: _KEY, has_letter=False)
+        return Tile(draw, lambda width: _KEY_HEIGHT, has_letter=False)
 
 
-def _match_background(scene: Scene, paper: PageStyle) -> None:
+def _match_background(scene: Scene, page_style: PageStyle) -> None:
     """Set a scene's background to the paper's colour, so that its lines contrast with the paper."""
     for key in ("background", "background_top"):
-        scene.assign("view", key, paper.color)
+        scene.assign("view", key, page_style.color)
 
 
 def _columns(runs: int, times: int) -> int:
@@ -273,26 +273,26 @@ def _columns(runs: int, times: int) -> int:
 
 def _aspect(points: Floats, view: str) -> float:
     """Return the height over the width of a picture that fits the points."""
-    shape, camera = 1.0, vtkCamera()
+    aspect, camera = 1.0, vtkCamera()
     for _ in range(2):
-        aim_camera(camera, points, 1.0 / shape, view, 1.0)
-        seen = (points - camera.GetPosition()) @ view_axes(camera)
-        near = 1.0 if camera.GetParallelProjection() else -seen[:, 2:]
-        across, above = np.ptp(seen[:, :2] / near, axis=0)
-        shape = float(np.clip(above / across, _FLATTEST, _TALLEST))
-    return shape
+        aim_camera(camera, points, 1.0 / aspect, view, 1.0)
+        points_seen = (points - camera.GetPosition()) @ view_axes(camera)
+        depth = 1.0 if camera.GetParallelProjection() else -points_seen[:, 2:]
+        across, above = np.ptp(points_seen[:, :2] / depth, axis=0)
+        aspect = float(np.clip(above / across, *_ASPECTS))
+    return aspect
 
 
 def _draw_picture(
-    axes: Axes, paper: PageStyle, scene: Scene, time: float, kind: str, **seen: Any
+    axes: Axes, page_style: PageStyle, scene: Scene, time: float, kind: str, **camera_settings: Any
 ) -> ViewScale:
     """Draw a picture into a tile; return its scale and orientation."""
     (_, width), (_, height) = axes.get_xlim(), axes.get_ylim()
-    size = paper.dots(width), paper.dots(height)
-    picture = Picture(scene, [time], size, [kind], bare=True, **seen)
+    size = page_style.dots(width), page_style.dots(height)
+    picture = Picture(scene, [time], size, [kind], for_page=True, **camera_settings)
     image = picture.draw(time)
     camera = picture.panels[0].window.camera
-    found = view_scale(camera, height)
+    scale = view_scale(camera, height)
     picture.close()
     axes.imshow(image, extent=(0, width, 0, height), interpolation="none", aspect="auto")
-    return found
+    return scale

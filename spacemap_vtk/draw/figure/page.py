@@ -22,14 +22,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Lengths in mm: _EDGE, margin of the page; _GAP, gap between tiles; _LINE, height of a line of a
-#: caption.
-_EDGE, _GAP, _LINE = 1.5, 4.0, 3.3
-#: TEXT, SMALL: font sizes in points. POINT: length of a point in mm. _LETTER: width that a panel's
-#: letter takes, in mm.
-TEXT, SMALL, POINT, _LETTER = 7.0, 6.0, 25.4 / 72, 3.2
+#: Margin of the page, in mm.
+_EDGE = 1.5
+#: Gap between tiles, in mm.
+_GAP = 4.0
+#: Height of a line of a caption, in mm.
+_LINE = 3.3
+#: Font size of text, in points.
+TEXT = 7.0
+#: Font size of small text, in points.
+SMALL = 6.0
+#: Length of a point, in mm.
+POINT = 25.4 / 72
+#: Width of a panel's letter, in mm.
+_LETTER = 3.2
 #: Largest width or height of a page in dots: that of a large picture.
-_MOST = 8192
+_MAX_DOTS = 8192
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +54,12 @@ class PageStyle:
     transparent: bool = False
 
     def __post_init__(self) -> None:
-        if not self.dots(self.width) <= _MOST:
+        if not self.dots(self.width) <= _MAX_DOTS:
             raise InputError(
                 f"a figure of {self.dots(self.width)} dots is too wide",
                 key="--dpi",
                 value=self.dpi,
-                allowed=f"up to {math.floor(_MOST * 25.4 / self.width)} at a width of "
+                allowed=f"up to {math.floor(_MAX_DOTS * 25.4 / self.width)} at a width of "
                 f"{self.width:g} mm",
             )
 
@@ -108,52 +116,54 @@ def new_figure(**settings: Any) -> Figure:
 
 
 def lay_out_page(
-    rows: Sequence[Sequence[Tile]], paper: PageStyle, tell: StepProgress = lambda done, of: None
+    rows: Sequence[Sequence[Tile]],
+    page_style: PageStyle,
+    report_progress: StepProgress = lambda done, of: None,
 ) -> Figure:
     """Return a figure with rows of tiles, as high as the tiles need."""
     placed, y = [], _EDGE
     for row in rows:
-        widths = _tile_widths(row, paper.width - 2 * _EDGE - _GAP * (len(row) - 1))
+        widths = _tile_widths(row, page_style.width - 2 * _EDGE - _GAP * (len(row) - 1))
         captions = [_wrap_caption(tile, width) for tile, width in zip(row, widths, strict=True)]
-        head = _LINE * max(text.count("\n") + bool(text) for text in captions)
+        caption_height = _LINE * max(text.count("\n") + bool(text) for text in captions)
         heights = [tile.height(width) for tile, width in zip(row, widths, strict=True)]
-        x = 0.5 * (paper.width - sum(widths) - _GAP * (len(row) - 1))
+        x = 0.5 * (page_style.width - sum(widths) - _GAP * (len(row) - 1))
         for tile, width, height, text in zip(row, widths, heights, captions, strict=True):
             # Lower tiles are at the bottom of their row, with the caption directly above each tile.
-            low = y + head + max(heights)
+            low = y + caption_height + max(heights)
             placed.append((tile, (x, low - height, width, height), text))
             x += width + _GAP
-        y += head + max(heights) + _GAP
-    dots = paper.dots(paper.width), paper.dots(y - _GAP + _EDGE)
-    if dots[1] > _MOST:
+        y += caption_height + max(heights) + _GAP
+    dots = page_style.dots(page_style.width), page_style.dots(y - _GAP + _EDGE)
+    if dots[1] > _MAX_DOTS:
         raise InputError(
             f"a figure of {dots[1]} dots is too high",
             key="--dpi",
-            value=paper.dpi,
-            allowed=f"up to {math.floor(paper.dpi * _MOST / dots[1])} for these panels",
-            cure="Or ask for fewer of them.",
+            value=page_style.dpi,
+            allowed=f"up to {math.floor(page_style.dpi * _MAX_DOTS / dots[1])} for these panels",
+            cure="Or use fewer panels.",
         )
     figure = new_figure(
-        figsize=(dots[0] / paper.dpi, dots[1] / paper.dpi),
-        dpi=paper.dpi,
-        facecolor="none" if paper.transparent else paper.color,
+        figsize=(dots[0] / page_style.dpi, dots[1] / page_style.dpi),
+        dpi=page_style.dpi,
+        facecolor="none" if page_style.transparent else page_style.color,
     )
-    several = sum(tile.has_letter for tile, *_ in placed) > 1
+    has_letters = sum(tile.has_letter for tile, *_ in placed) > 1
     letters = iter("abcdefghijklmnopqrstuvwxyz")
     for count, (tile, (x, top, width, height), text) in enumerate(placed):
-        tell(count, len(placed))
-        left, across, high = paper.dots(x), paper.dots(width), paper.dots(height)
-        low = dots[1] - paper.dots(top) - high
+        report_progress(count, len(placed))
+        left, across, high = page_style.dots(x), page_style.dots(width), page_style.dots(height)
+        low = dots[1] - page_style.dots(top) - high
         rectangle = np.array([left, low, across, high]) / [*dots, *dots]
         axes = figure.add_axes(tuple(rectangle.tolist()))
         # The limits follow the rounding to whole dots, so that squares stay square.
-        axes.set(xlim=(0, across * 25.4 / paper.dpi), ylim=(0, high * 25.4 / paper.dpi))
+        axes.set(xlim=(0, across * 25.4 / page_style.dpi), ylim=(0, high * 25.4 / page_style.dpi))
         axes.set_axis_off()
-        letter = next(letters, "") if several and tile.has_letter else ""
+        letter = next(letters, "") if has_letters and tile.has_letter else ""
         if text:
-            _draw_caption(axes, paper, letter, text)
-        tile.draw(axes, paper)
-    tell(len(placed), len(placed))
+            _draw_caption(axes, page_style, letter, text)
+        tile.draw(axes, page_style)
+    report_progress(len(placed), len(placed))
     return figure
 
 
@@ -186,10 +196,10 @@ def _wrap_caption(tile: Tile, width: float) -> str:
     return "\n".join(lines)
 
 
-def _draw_caption(axes: Axes, paper: PageStyle, letter: str, text: str) -> None:
+def _draw_caption(axes: Axes, page_style: PageStyle, letter: str, text: str) -> None:
     top = axes.get_ylim()[1]
     first, *more = text.split("\n")
-    style: dict[str, Any] = {"color": paper.ink, "va": "baseline", "clip_on": False}
+    style: dict[str, Any] = {"color": page_style.ink, "va": "baseline", "clip_on": False}
     base = top + 1.0 + _LINE * len(more)
     if letter:
         axes.text(0.0, base, letter, fontweight="bold", fontsize=TEXT + 1.5, **style)

@@ -44,7 +44,7 @@ ENERGY_NAMES = (
 )
 #: A part of a balance below this share of the largest is rounding, and is not plotted.
 _NEGLIGIBLE = 1e-9
-NO_FREQUENCY_RESPONSE = "A motion by steps has no frequency response, which is one of modes."
+NO_FREQUENCY_RESPONSE = "Only a motion by modes has a frequency response."
 _COLORS = ("#c8502a", "#2f7d5b", "#2c5f9e")
 
 
@@ -54,32 +54,36 @@ def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> F
 
     figures = report.report_modes(scene)
     mover, last_stage = scene.stage("mover"), scene.cage_stage
-    last = 0.0 if mover is None else (mover.time_range([]) or (0.0, 0.0))[1]
+    duration = 0.0 if mover is None else (mover.time_range([]) or (0.0, 0.0))[1]
     # The stage computes the steps, because it keeps them and reports progress.
-    scene.update_stage(last_stage, last if isinstance(mover, TransientResponse) else 0.0)
-    motion, linear = last_stage.motion, None if mover is None else mover.motion
+    scene.update_stage(last_stage, duration if isinstance(mover, TransientResponse) else 0.0)
+    motion, response = last_stage.motion, None if mover is None else mover.motion
     if motion is None:
-        raise InputError(f"{scene.file}: this scene's motion is no response to loads")
-    place = most_moving_vertex(scene) if point is None else np.asarray(point)
-    weights = point_weights(motion.points, motion.cells, place)
-    unit, row = QUANTITIES[quantity]
-    times = np.linspace(0.0, last, SAMPLES)
-    curves = motion.history(weights, times)[row]
+        raise InputError(f"{scene.file}: this scene's motion is not a response to loads")
+    position = most_moving_vertex(scene) if point is None else np.asarray(point)
+    weights = point_weights(motion.points, motion.cells, position)
+    unit, derivative = QUANTITIES[quantity]
+    times = np.linspace(0.0, duration, SAMPLES)
+    curves = motion.history(weights, times)[derivative]
     unit, size = prefixed_unit(unit, float(abs(curves).max()))
 
-    where = ", ".join(format_quantity(x, "m", 4) for x in place)
-    figure = titled_figure(f"{scene.title}\n{quantity} at ({where})")
-    over_time, below = figure.subplots(2, 1)
+    coordinates = ", ".join(format_quantity(x, "m", 4) for x in position)
+    figure = titled_figure(f"{scene.title}\n{quantity} at ({coordinates})")
+    upper_panel, lower_panel = figure.subplots(2, 1)
     for axis, color in enumerate(_COLORS):
-        over_time.plot(times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3)
-    over_time.set(xlabel="time [s]", ylabel=f"{quantity} [{unit}]", xlim=(0, times[-1]))
+        upper_panel.plot(
+            times, curves[:, axis] / size, color=color, label="xyz"[axis], linewidth=1.3
+        )
+    upper_panel.set(xlabel="time [s]", ylabel=f"{quantity} [{unit}]", xlim=(0, times[-1]))
 
-    if isinstance(linear, Response):
-        natural = [mode["frequency_hz"] for mode in figures["modes"]]
-        _plot_frequency_response(below, linear, weights, natural, (unit, size, row))
+    if isinstance(response, Response):
+        frequencies = [mode["frequency_hz"] for mode in figures["modes"]]
+        _plot_frequency_response(
+            lower_panel, response, weights, frequencies, (unit, size, derivative)
+        )
     else:
         scene.warn(NO_FREQUENCY_RESPONSE)
-        _plot_energies(below, times, balance_of(motion, times))
+        _plot_energies(lower_panel, times, balance_of(motion, times))
     return _add_legends(figure)
 
 
@@ -113,27 +117,27 @@ def _plot_frequency_response(
     panel: Axes,
     response: Response,
     weights: Floats,
-    natural: list[float],
-    shown: tuple[str, float, int],
+    natural_frequencies: list[float],
+    quantity: tuple[str, float, int],
 ) -> None:
     """Plot the amplitude of a point's displacement, velocity or acceleration over frequency."""
-    unit, size, row = shown
-    frequencies = frequencies_near(natural)
+    unit, size, derivative = quantity
+    frequencies = frequencies_near(natural_frequencies)
     try:
-        answer = abs(response.frequency_response(weights, frequencies))
+        amplitude = abs(response.frequency_response(weights, frequencies))
     except InputError:  # a frequency met an undamped mode exactly
         frequencies *= NUDGE
-        answer = abs(response.frequency_response(weights, frequencies))
-    answer *= (2 * np.pi * frequencies[:, None]) ** row / size
+        amplitude = abs(response.frequency_response(weights, frequencies))
+    amplitude *= (2 * np.pi * frequencies[:, None]) ** derivative / size
     for axis, color in enumerate(_COLORS):
-        if answer[:, axis].max() > 1e-9 * answer.max():
-            panel.loglog(frequencies, answer[:, axis], color=color, linewidth=1.3)
+        if amplitude[:, axis].max() > 1e-9 * amplitude.max():
+            panel.loglog(frequencies, amplitude[:, axis], color=color, linewidth=1.3)
     panel.set(
-        xlabel="frequency of all loads [Hz]",
+        xlabel="excitation frequency [Hz]",
         ylabel=f"amplitude [{unit}]",
         xlim=(frequencies[0], frequencies[-1]),
     )
-    for mode in natural:
+    for mode in natural_frequencies:
         if frequencies[0] < mode < frequencies[-1]:
             panel.axvline(mode, color="#d5dae0", linewidth=0.6, zorder=0)
 
@@ -178,13 +182,13 @@ def prefixed_unit(unit: str, largest: float) -> tuple[str, float]:
     return unit, 1.0
 
 
-def frequencies_near(natural: list[float]) -> Floats:
+def frequencies_near(natural_frequencies: list[float]) -> Floats:
     """Return frequencies to plot, dense around the modes [Hz]."""
-    swinging = [f for f in natural if f > 0.0] or [1.0]
-    low, high = swinging[0] / 5, min(swinging[-1] * 1.3, swinging[0] * 40)
-    near = np.concatenate([f * (1 + np.linspace(-0.08, 0.08, 41)) for f in swinging])
-    every = np.concatenate([np.geomspace(low, high, 800), near])
-    return np.unique(every[(every >= low) & (every <= high)])
+    vibrating = [f for f in natural_frequencies if f > 0.0] or [1.0]
+    low, high = vibrating[0] / 5, min(vibrating[-1] * 1.3, vibrating[0] * 40)
+    near = np.concatenate([f * (1 + np.linspace(-0.08, 0.08, 41)) for f in vibrating])
+    frequencies = np.concatenate([np.geomspace(low, high, 800), near])
+    return np.unique(frequencies[(frequencies >= low) & (frequencies <= high)])
 
 
 #: Extension of tensile tests beyond the extension at which yarns are straight.
@@ -205,7 +209,7 @@ def crossings_of(scene: Scene) -> Interchange:
     stage = scene.stage("crimp")
     if not isinstance(stage, YarnParameters) or stage.inextensible:
         raise InputError(
-            f"{scene.file}: this scene does not say what its yarns resist",
+            f"{scene.file}: tensile tests need yarns that can stretch",
             key="yarns.inextensible",
             allowed="false, with a tension or a modulus",
             cure="For example --set yarns.inextensible=false --set yarns.modulus='500 cN/tex'",
@@ -238,23 +242,32 @@ def tensile_table(tests: list[TensileTest]) -> str:
 
 def tensile_plot(title: str, tests: list[TensileTest]) -> Figure:
     """Plot force per width and change of width against extension."""
-    figure = titled_figure(f"{title}\nforce per width of its yarns")
+    figure = titled_figure(f"{title}\ntensile tests")
     force, width = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
     unit, size = prefixed_unit("N/m", max(float(test.force.max()) for test in tests))
     for family, name in enumerate(("warp", "weft")):
         # The warp's curves are wider, so that both are visible where they coincide.
-        strip, both, color, wide = tests[family], tests[2], _COLORS[2 * family], 3.0 - 1.6 * family
-        pulled = 100.0 * strip.extension[family]
-        force.plot(pulled, strip.force[family] / size, color=color, label=f"strip along the {name}")
+        strip, biaxial, color, line_width = (
+            tests[family],
+            tests[2],
+            _COLORS[2 * family],
+            3.0 - 1.6 * family,
+        )
+        extension = 100.0 * strip.extension[family]
         force.plot(
-            100.0 * both.extension[family],
-            both.force[family] / size,
+            extension, strip.force[family] / size, color=color, label=f"strip along the {name}"
+        )
+        force.plot(
+            100.0 * biaxial.extension[family],
+            biaxial.force[family] / size,
             color=color,
-            linewidth=wide,
+            linewidth=line_width,
             linestyle="--",
             label=f"1 : 1, {name}",
         )
-        width.plot(pulled, 100.0 * strip.extension[1 - family], color=color, linewidth=wide)
+        width.plot(
+            extension, 100.0 * strip.extension[1 - family], color=color, linewidth=line_width
+        )
     force.set(ylabel=f"force per width [{unit}]")
-    width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, pulled[-1]))
+    width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, extension[-1]))
     return _add_legends(figure)

@@ -33,16 +33,23 @@ from spacemap_vtk.scenes.motions import MOTIONS, require_loads, set_motion
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import format_quantity
 
-#: _BOARD: size of a storyboard in pixels, without its labels. _TIMES: number of columns if no times
-#: are given.
-_BOARD, _TIMES = (2240, 640), 7
-#: MOST_SHAPES: largest number of mode shapes on a sheet. COLUMNS: number of shapes in a row.
-MOST_SHAPES, COLUMNS = 12, 4
-#: _CELL: size of a mode shape's picture in pixels. _LABEL: height of the label below it.
-_CELL, _LABEL = (440, 400), 46
+#: Size of a storyboard in pixels, without its labels.
+_BOARD = (2240, 640)
+#: Number of columns if no times are given.
+_TIMES = 7
+#: Largest number of mode shapes on a sheet.
+MOST_SHAPES = 12
+#: Number of mode shapes in a row.
+COLUMNS = 4
+#: Size of a mode shape's picture, in pixels.
+_CELL = (440, 400)
+#: Height of the label below a mode shape, in pixels.
+_LABEL = 46
 #: Largest displacement of a mode shape, as a share of the diagonal of the cage's bounding box.
 _SWING = 0.12
-_INK, _FAINT, _PAPER = (40, 46, 54), (118, 126, 138), (255, 255, 255)
+_INK = (40, 46, 54)
+_FAINT = (118, 126, 138)
+_PAPER = (255, 255, 255)
 
 
 def period_times(scene: Scene) -> list[float]:
@@ -51,26 +58,29 @@ def period_times(scene: Scene) -> list[float]:
         mover = scene.stage("mover") or scene.cage_stage
         first, last = mover.time_range([]) or (0.0, 0.0)
         return np.linspace(first, last, _TIMES).tolist()
-    swinging = [
+    vibrating = [
         m["frequency_hz"] for m in report.report_modes(scene)["modes"] if m["frequency_hz"] > 0.0
     ]
-    period = 1 / swinging[0] if swinging else scene.animation.stop
+    period = 1 / vibrating[0] if vibrating else scene.animation.stop
     return [float(f"{time:.3g}") for time in np.linspace(0.0, period, _TIMES).tolist()]
 
 
 def storyboard(
-    scene: Scene, times: Sequence[float], size: tuple[int, int] | None, tell: StepProgress
+    scene: Scene,
+    times: Sequence[float],
+    size: tuple[int, int] | None,
+    report_progress: StepProgress,
 ) -> Bytes:
     """Draw the paper's figure 6: cage above, fabric below, time from left to right."""
     width, height = size or _BOARD
     cell = width // len(times), height // 2
-    tell(0, len(times))
+    report_progress(0, len(times))
     picture = Picture(scene, times, (2 * cell[0], cell[1]), ["cage", "fabric"])
     columns = []
     for count, time in enumerate(times, 1):
         cage, fabric = np.split(picture.draw(time), 2, axis=1)
         columns.append(np.concatenate([cage, fabric]))
-        tell(count, len(times))
+        report_progress(count, len(times))
     picture.close()
     return _add_labels(np.concatenate(columns, axis=1), ["(a)", "(b)"], times)
 
@@ -80,27 +90,27 @@ def motions_board(
     motions: Sequence[str],
     times: Sequence[float],
     size: tuple[int, int] | None,
-    tell: StepProgress,
+    report_progress: StepProgress,
 ) -> Bytes:
     """Draw several motions of a scene, one row for each, with time from left to right."""
     width, height = size or (_BOARD[0], _BOARD[1] * len(motions) // 2)
-    given, cell = require_loads(scene), (width // len(times), height // len(motions))
-    tell(0, 2 * len(motions))
+    initial_cage, cell = require_loads(scene), (width // len(times), height // len(motions))
+    report_progress(0, 2 * len(motions))
     extents = []
     for count, name in enumerate(motions, 1):
-        set_motion(scene, name, given)
+        set_motion(scene, name, initial_cage)
         extents.append(motion_extent(scene, times))
-        tell(count, 2 * len(motions))
+        report_progress(count, 2 * len(motions))
     show = "both" if scene.view.show == "side by side" else scene.view.show
     picture = Picture(scene, times, cell, [show], extent=combine_extents(extents))
     rows, labels = [], []
     for count, name in enumerate(motions, 1):
-        set_motion(scene, name, given)
+        set_motion(scene, name, initial_cage)
         rows.append(np.concatenate([picture.draw(time) for time in times], axis=1))
-        share = 100 * _largest_stretch(scene, times)
-        told = f"{share:.0f}" if share >= 1 else f"{share:.1g}"
-        labels.append(f"{MOTIONS[name][1]}\n\nlengths change\nby {told} %")
-        tell(len(motions) + count, 2 * len(motions))
+        stretch = 100 * _largest_stretch(scene, times)
+        percent = f"{stretch:.0f}" if stretch >= 1 else f"{stretch:.1g}"
+        labels.append(f"{MOTIONS[name][1]}\n\nlengths change\nby {percent} %")
+        report_progress(len(motions) + count, 2 * len(motions))
     picture.close()
     return _add_labels(np.concatenate(rows), labels, times)
 
@@ -132,7 +142,7 @@ def _add_labels(image: Bytes, rows: Sequence[str], times: Sequence[float]) -> By
     return np.asarray(sheet)
 
 
-def mode_sheet(scene: Scene, tell: StepProgress) -> Bytes:
+def mode_sheet(scene: Scene, report_progress: StepProgress) -> Bytes:
     """Draw the fabric in each of the first mode shapes, with the cage at rest and displaced."""
     figures = report.report_modes(scene)
     solver = scene.stage("solver")
@@ -140,7 +150,7 @@ def mode_sheet(scene: Scene, tell: StepProgress) -> Bytes:
     scene.update_stage(solver)
     drawing = _ModePainter(scene, solver.output)
     shapes = figures["modes"][:MOST_SHAPES]
-    tell(0, len(shapes))
+    report_progress(0, len(shapes))
     columns = min(COLUMNS, len(shapes))
     rows = math.ceil(len(shapes) / columns)
     sheet = Image.new("RGB", (columns * _CELL[0], rows * (_CELL[1] + _LABEL)), _PAPER)
@@ -158,20 +168,20 @@ def mode_sheet(scene: Scene, tell: StepProgress) -> Bytes:
             ImageFont.load_default(14),
             anchor="ma",
         )
-        tell(number + 1, len(shapes))
+        report_progress(number + 1, len(shapes))
     drawing.close()
     return np.asarray(sheet)
 
 
 def _mode_caption(mode: dict[str, Any]) -> str:
     shares = mode["effective_mass_share"]
-    most = int(np.argmax(shares))
+    axis = int(np.argmax(shares))
     damping = mode["regime"]
     if damping not in ("rigid", "lost in rounding"):
         damping = f"damping {mode['damping_ratio']:.3g}"
-    if shares[most] < 0.005:
-        return f"{damping}, moves no mass as a whole"
-    return f"{damping}, {shares[most]:.0%} of the mass along {'xyz'[most]}"
+    if shares[axis] < 0.005:
+        return f"{damping}, effective mass below 0.5 %"
+    return f"{damping}, {shares[axis]:.0%} of the mass along {'xyz'[axis]}"
 
 
 class _ModePainter:
@@ -180,27 +190,29 @@ class _ModePainter:
     def __init__(self, scene: Scene, cage: vtkUnstructuredGrid) -> None:
         if uses_software_renderer():
             scene.warn(WITHOUT_OPENGL)
-        self._scene, self._moved = scene, shallow_copy(cage)
-        vertices = points_of(self._moved)
-        self._swing = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        self._scene, self._cage = scene, shallow_copy(cage)
+        vertices = points_of(self._cage)
+        self._amplitude = _SWING * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         # The drawing is twice as large and then averaged, because drivers smooth differently.
         size = _CELL[0] * 2, _CELL[1] * 2
         self._window = open_offscreen(size, samples=4)
         self._window.hide_background()
-        self._behind = gradient_background(_CELL, (255, 255, 255), (238, 242, 246))
-        self._solid = SurfaceActor()
+        self._background = gradient_background(_CELL, (255, 255, 255), (238, 242, 246))
+        self._fabric = SurfaceActor()
         self._warp = BarycentricWarp()
         self._surface = PatchTessellator(subdivisions=scene.surface.sides)
         # Only edges where faces of the cage meet at an angle are drawn; they show the bending.
-        faces, lines, bent = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
-        faces.SetInputData(self._moved)
+        faces, lines, displaced = vtkDataSetSurfaceFilter(), vtkFeatureEdges(), vtkWarpVector()
+        faces.SetInputData(self._cage)
         lines.SetInputConnection(faces.GetOutputPort())
         lines.SetFeatureAngle(30.0)
         lines.ColoringOff()
-        bent.SetInputConnection(lines.GetOutputPort())
-        bent.SetInputArrayToProcess(0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement")
-        self._window.renderer.AddActor(self._solid)
-        for stage, color, width in ((lines, "#c3cad3", 2.0), (bent, "#4a5563", 2.6)):
+        displaced.SetInputConnection(lines.GetOutputPort())
+        displaced.SetInputArrayToProcess(
+            0, 0, 0, vtkDataObject.FIELD_ASSOCIATION_POINTS, "displacement"
+        )
+        self._window.renderer.AddActor(self._fabric)
+        for stage, color, width in ((lines, "#c3cad3", 2.0), (displaced, "#4a5563", 2.6)):
             actor, mapper = vtkActor(), vtkPolyDataMapper()
             mapper.SetInputConnection(stage.GetOutputPort())
             mapper.ScalarVisibilityOff()
@@ -209,19 +221,19 @@ class _ModePainter:
             actor.GetProperty().SetLineWidth(width)
             actor.GetProperty().LightingOff()
             self._window.renderer.AddActor(actor)
-        swing = 0.6 * self._swing
-        room = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
-        aim_camera(self._window.camera, room, size[0] / size[1], "three-quarter", 1.0)
+        swing = 0.6 * self._amplitude
+        points = np.concatenate([vertices + swing * side for side in (*np.eye(3), *-np.eye(3))])
+        aim_camera(self._window.camera, points, size[0] / size[1], "three-quarter", 1.0)
 
     def draw(self, number: int) -> Bytes:
         """Draw a mode shape."""
-        apply_mode_shape(self._scene, self._moved, number, self._swing)
-        self._moved.GetPointData().SetActiveVectors("displacement")
-        self._moved.Modified()
-        mesh = self._surface(self._warp(self._scene.object_at_rest.output, self._moved))
+        apply_mode_shape(self._scene, self._cage, number, self._amplitude)
+        self._cage.GetPointData().SetActiveVectors("displacement")
+        self._cage.Modified()
+        mesh = self._surface(self._warp(self._scene.object_at_rest.output, self._cage))
         add_color_values(mesh, "displacement")
-        self._solid.show(mesh, "displacement", span=(0.0, self._swing))
-        return compose(self._window.draw(), self._behind)
+        self._fabric.show(mesh, "displacement", span=(0.0, self._amplitude))
+        return compose(self._window.draw(), self._background)
 
     def close(self) -> None:
         """Close the window and free its resources."""

@@ -18,10 +18,14 @@ from numpy.typing import NDArray
 from spacemap_vtk.ndarrays import Floats, Singles
 from spacemap_vtk.parallel import compile_function
 
-#: Lighting of a triangle: none, VTK's lights, or the light of a style.
-UNLIT, PLAIN, STYLED = 0, 1, 2
-#: Triangles that are culled: none (ALL are drawn), back faces, or front faces.
-ALL, BACK, FRONT = 0, 1, 2
+# Lighting of a triangle: none, VTK's lights, or the light of a style.
+UNLIT = 0
+PLAIN = 1
+STYLED = 2
+# Triangles that are culled: none (ALL are drawn), back faces, or front faces.
+ALL = 0
+BACK = 1
+FRONT = 2
 
 
 # In this module, `triples` and `numbers` are the tables from

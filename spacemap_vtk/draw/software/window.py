@@ -73,7 +73,8 @@ class _Light(NamedTuple):
     numbers: Floats
 
 
-_NO_CELLS, _NO_NORMALS = np.zeros(0, np.int64), np.zeros((0, 3))
+_NO_CELLS = np.zeros(0, np.int64)
+_NO_NORMALS = np.zeros((0, 3))
 _NO_STRANDS = np.zeros((0, 3), np.float32)
 
 
@@ -142,28 +143,28 @@ class SoftwareWindow:
         self.render()
         return self.pixels()
 
-    def render(self, front: bool = True, over: bool = False) -> None:
+    def render(self, front: bool = True, keep: bool = False) -> None:
         """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
         self.renderer.InvokeEvent("StartEvent")
         self._pixels = None
-        if not over:
+        if not keep:
             self._drawn[:] = 0.0
             self._depths = np.ones_like(self._depths)
         else:
             self._depths = self._depths.copy()  # a caller may still hold the depths
         actors = [a for a in _list_props(self.renderer.GetActors()) if a.GetVisibility()]
-        clear = [a for a in actors if _is_translucent(a)]
+        translucent = [a for a in actors if _is_translucent(a)]
         for actor in actors:
-            if actor not in clear:
+            if actor not in translucent:
                 self._draw_actor(actor, solid=True)
-        for actor in clear:
+        for actor in translucent:
             self._draw_actor(actor, solid=False)
         if front:
-            kept, self._depths = self._depths, np.ones_like(self._depths)
+            depths, self._depths = self._depths, np.ones_like(self._depths)
             for prop in self._front:
                 if prop.GetVisibility():
                     self._draw_actor(prop, solid=False)
-            self._depths = kept
+            self._depths = depths
 
     def pixels(self) -> Bytes:
         """Return red, green, blue and coverage of each pixel, 0 to 255, (height, width, 4)."""
@@ -177,7 +178,7 @@ class SoftwareWindow:
             made[rows] = np.rint(255.0 * np.clip(self._pixels[rows], 0.0, 1.0))
         return made
 
-    def depths(self, over: bool = False) -> Singles:
+    def depths(self, second: bool = False) -> Singles:
         """Return the depth of each pixel, 0 to 1; 1 where nothing is drawn."""
         return self._depths[:: self._grain, :: self._grain]
 
@@ -399,7 +400,7 @@ def _clip_distances(actor: vtkActor, points: Floats) -> Floats:
 def _shapes(actor: vtkActor, view: _View) -> Iterator[_Shape]:
     """Yield the shapes of an actor."""
     if isinstance(actor, SheetActor):
-        graphics.require_opengl("a cloth of so many yarns that it is drawn as a sheet needs")
+        graphics.require_opengl("cloths of very many yarns")
     mapper = actor.GetMapper()
     if isinstance(mapper, vtkGlyph3DMapper):
         yield from _glyph_shapes(actor, mapper)
@@ -486,8 +487,10 @@ def _surface_shape(
     look, found = actor.GetProperty(), data.GetPointData().GetNormals()
     normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
     strands, lamps = _NO_STRANDS, _unlit()
-    if isinstance(actor, SurfaceActor) and actor.lighting is not None and actor.lighting.faced:
-        lamps = _Light(STYLED, *lighting_tables(actor.lighting.style, actor.lighting.point))
+    if isinstance(actor, SurfaceActor) and actor.lighting is not None and actor.lighting.has_faces:
+        lamps = _Light(
+            STYLED, *lighting_tables(actor.lighting.style, actor.lighting.pixels_per_point)
+        )
         if actor.lighting.fibres:
             strands = vtk_to_numpy(data.GetPointData().GetArray(STRANDS))
     elif look.GetLighting():
