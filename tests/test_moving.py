@@ -89,7 +89,7 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
         assert farthest(there, scene.polygons) <= 1.01 * tolerance
     assert np.ptp(np.array(told["played"]), axis=0).max() > 1000 * tolerance
     if short:  # half of what it takes otherwise
-        writer(file).write(tmp_path / "long.glb", replace(made, short=None))
+        writer(file).write(tmp_path / "long.glb", replace(made, quantised=None))
         sizes = [each.stat().st_size for each in (file, tmp_path / "long.glb")]
         saved = 12 * len(made.points) * len(made.targets)
         assert sizes[1] - sizes[0] == pytest.approx(saved, rel=0.05)

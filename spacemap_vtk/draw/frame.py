@@ -39,7 +39,7 @@ class Frame:
     #: Colouring of the surface: a key of `spacemap_vtk.scenes.colorings.COLORINGS`.
     color: str = "own"
     #: Image that textures the object.
-    painting: vtkImageData | None = None
+    texture: vtkImageData | None = None
     #: Whether the surface is closed and its polygons face outwards, so that only front faces are
     #: visible.
     closed: bool = False

@@ -538,7 +538,7 @@ def _parts_and_colors(
     if color in CLASSES and cells.GetArray(color) is not None:
         table = rgb_table(CLASSES[color])
         return names, parts, table[vtk_to_numpy(cells.GetArray(color)) % len(table)], False
-    if scene.painting is not None:
+    if scene.picture is not None:
         scene.warn("the object's texture image is not written")
     own = own_colors(surface)
     if own is None:

@@ -324,7 +324,7 @@ class SceneView:
         )
         # Outlines in the shader need round edges; other surfaces get lines of `OutlineActor` only.
         actor.show(
-            frame.surface, *colors, frame.painting, style, self._pixels_per_point * frame.closed
+            frame.surface, *colors, frame.texture, style, self._pixels_per_point * frame.closed
         )
         # Back faces of closed yarns are hidden, but take as much time as front faces.
         actor.GetProperty().SetBackfaceCulling(frame.closed)
