@@ -221,7 +221,7 @@ class MainWindow(QMainWindow):
         for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
             self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
-        self.splitter.setSizes([310, 750, 380])
+        self.splitter.setSizes([300, 778, 362])
         self.setCentralWidget(self.splitter)
         # A narrower window hides the tabs.
         self.setMinimumWidth(_MIN_WIDTH)
