@@ -35,13 +35,13 @@ COTTON = YarnMechanics((90.0, 90.0), np.inf, (2e-9, 2e-9))
 LEVER = Path(__file__).parents[1] / "scenes" / "objects" / "lever.stl"
 
 
-def parts(plate):
+def stiffness_parts(plate):
     plate = keep_normals_upright(plate, 1.0)  # of both alike where normals stay upright
     return plate.membrane, plate.bending, plate.shear, np.array(plate.thickness)
 
 
 def assert_alike(plate, other):
-    for found, expected in zip(parts(plate), parts(other), strict=True):
+    for found, expected in zip(stiffness_parts(plate), stiffness_parts(other), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * expected.max())
 
 
@@ -225,11 +225,11 @@ def test_constants_for_other_elements_are_reported():
     made = ModalSolver(bending_rigidity="5 uN.m", modes=1)
     connect(WeaveSource(), TetraCage(divisions=(3, 3, 3)), made)
     text = 'modal.bending_rigidity has no effect: the cage is not a sheet; elements = "sheet"'
-    assert any(text in told for told in made.update().warnings)
+    assert any(text in given for given in made.update().warnings)
     made = ModalSolver(material="denim", thickness="1 mm", modes=1)
     connect(WeaveSource(ends=20, picks=20), TetraCage(divisions=(2, 2, 1)), made)
     text = 'modal.thickness has no effect: the cage is a sheet; elements = "tetrahedra"'
-    assert any(text in told for told in made.update().warnings)
+    assert any(text in given for given in made.update().warnings)
 
 
 def test_sheet_has_the_stiffness_of_its_yarns():
@@ -286,13 +286,13 @@ def test_missing_data_of_yarns_is_reported():
     made = ModalSolver(material="yarns")
     with pytest.raises(InputError, match=r"the stiffness of the yarns is not given.*spacemap info"):
         made.check()
-    for told, lacking in (
+    for given, lacking in (
         ({}, "tension"),
         ({"inextensible": False}, "tension"),
         ({"inextensible": False, "modulus": "300 cN/tex"}, "bending"),
         ({"inextensible": False, "tension": 90.0, "bending": 2e-9}, "contact"),
     ):
-        made.yarns = CrimpInterchange(**told)
+        made.yarns = CrimpInterchange(**given)
         with pytest.raises(InputError, match=rf"material.*\[yarns\] {lacking}"):
             made.check()
     made.yarns = COTTON

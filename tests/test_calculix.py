@@ -102,7 +102,7 @@ def test_stiffness_and_density_factors_are_written(tmp_path):
     np.testing.assert_allclose(calculix(file)[0][:10], ours, rtol=1e-6)
 
 
-def exported(folder, mass="lumped", **modal):
+def export_scene(folder, mass="lumped", **modal):
     """Return a scene whose cage is a slab, with gravity and two loads."""
     material = {
         "material": "orthotropic",
@@ -136,7 +136,7 @@ def exported(folder, mass="lumped", **modal):
 @needs_calculix
 @pytest.mark.parametrize("mass", ["lumped", "consistent"])
 def test_exported_scene_has_the_same_frequencies(tmp_path, mass):
-    scene = exported(tmp_path, mass)
+    scene = export_scene(tmp_path, mass)
     frequencies = calculix(tmp_path / "slab.inp")[1][:10]
     found = scene.stage("solver").output
     ours = array_of(found.GetFieldData(), "frequencies", "")
@@ -153,7 +153,7 @@ def test_exported_scene_has_the_same_frequencies(tmp_path, mass):
 
 
 def test_features_that_calculix_lacks_are_refused(tmp_path):
-    scene = exported(tmp_path)
+    scene = export_scene(tmp_path)
     sentence = "loads[1], a pressure (harmonic), is not in the static step"
     assert sentence in scene.warnings
     assert f"** Note: {sentence}." in (tmp_path / "slab.inp").read_text()
@@ -162,10 +162,10 @@ def test_features_that_calculix_lacks_are_refused(tmp_path):
         ({"gravity": [0, 0, -9.81]}, "gravity", "modal.hang=false"),
     ):
         with pytest.raises(InputError) as refused:
-            exported(tmp_path, **values)
+            export_scene(tmp_path, **values)
         assert (refused.value.section, refused.value.key) == ("modal", key)
         assert cure in refused.value.cure
-    free = exported(tmp_path, fixed=[])
+    free = export_scene(tmp_path, fixed=[])
     assert any("leave the cage free" in text for text in free.warnings)
     assert "*STATIC" not in (tmp_path / "slab.inp").read_text()
     with pytest.raises(InputError, match="is a sheet") as refused:

@@ -63,8 +63,8 @@ def test_drape_coefficient_reports_its_dependence_on_cells():
         found.append(hung["drape_coefficient"])
         if divide == 1:
             error = hung["drape_coefficient_error"]
-            (told,) = (t for t in scene.warnings if t.startswith("the drape coefficient"))
+            (warning,) = (t for t in scene.warnings if t.startswith("the drape coefficient"))
     # Folds are unstable: solved twice, they differ by rounding that has grown to thousandths.
     assert error == pytest.approx(abs(found[0] - found[1]), abs=0.005)
     assert error > 0.1 * found[0]
-    assert f"{found[0]:.1%} differs by {error:.1%} from that in cells twice as wide" in told
+    assert f"{found[0]:.1%} differs by {error:.1%} from that in cells twice as wide" in warning

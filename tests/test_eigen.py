@@ -38,11 +38,11 @@ def problem(divisions, bounds=CUBE, fixed=None, young=1e6, poisson=0.3, density=
     return K, M, np.repeat(~held, 3), points
 
 
-def top(points):
+def is_top(points):
     return points[:, 1] == points[:, 1].max()
 
 
-def left(points):
+def is_left(points):
     return points[:, 0] == points[:, 0].min()
 
 
@@ -51,13 +51,13 @@ def lapack(K, M, free):
     return la.eigh(K[free][:, free].toarray(), M[free][:, free].toarray(), driver="gvd")[0]
 
 
-def flat(shapes):
+def as_columns(shapes):
     return shapes.reshape(len(shapes), -1).T
 
 
 def check(K, M, free, eigenvalues, shapes):
     """Every promise of `solve_matrices` that needs no other solution."""
-    S = flat(shapes)
+    S = as_columns(shapes)
     assert (np.diff(eigenvalues) >= 0).all()
     assert abs(S.T @ (M @ S) - np.eye(len(eigenvalues))).max() <= 1e-10
     assert not S[~free].any()
@@ -72,7 +72,7 @@ def check(K, M, free, eigenvalues, shapes):
 
 
 def test_modes_of_the_papers_cage_satisfy_the_equations(solver):
-    K, M, free, points = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)
+    K, M, free, points = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), is_top)
     assert len(points) == 72
     assert free.sum() == 180
     eigenvalues, shapes = solve_matrices(K, M, free, 30)
@@ -82,7 +82,7 @@ def test_modes_of_the_papers_cage_satisfy_the_equations(solver):
 
 
 def test_both_solvers_find_the_same_modes(monkeypatch):
-    case = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)
+    case = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), is_top)
     found = []
     for limit in (10_000, 0):
         monkeypatch.setattr(eigen, "DENSE", limit)
@@ -103,7 +103,7 @@ def test_free_body_has_six_rigid_modes(solver, divisions):
     np.testing.assert_allclose(eigenvalues[6:], lapack(K, M, free)[6:10], rtol=1e-8)
     rigid = [np.tile(axis, len(points)) for axis in np.eye(3)]
     rigid += [np.cross(axis, points).ravel() for axis in np.eye(3)]
-    S = flat(shapes[:6])
+    S = as_columns(shapes[:6])
     missed = S - la.orth(np.transpose(rigid)) @ (la.orth(np.transpose(rigid)).T @ S)
     assert np.linalg.norm(missed) <= 1e-8 * np.linalg.norm(S)
 
@@ -128,7 +128,7 @@ def test_body_held_at_a_vertex_keeps_three_rotations(solver, held, rigid):
 
 def test_square_has_double_eigenvalues(solver):
     # Bending of a clamped column of square section, either way; (2, 2) keeps the symmetry.
-    K, M, free, _ = problem((10, 2, 2), (0, 5, 0, 1, 0, 1), left)
+    K, M, free, _ = problem((10, 2, 2), (0, 5, 0, 1, 0, 1), is_left)
     eigenvalues, shapes = solve_matrices(K, M, free, 12)
     check(K, M, free, eigenvalues, shapes)
     assert eigenvalues[0] == pytest.approx(eigenvalues[1], rel=1e-9)
@@ -148,7 +148,7 @@ def test_cube_has_triple_eigenvalues(solver):
 
 def test_equal_pieces_have_multiple_eigenvalues(solver):
     # ARPACK silently misses copies here: see the head of lanczos.py.
-    K, M, free, _ = problem((3, 3, 3), fixed=top)
+    K, M, free, _ = problem((3, 3, 3), fixed=is_top)
     one = lapack(K, M, free)
     copies = 12
     K, M = (sp.block_diag([matrix] * copies, format="csr") for matrix in (K, M))
@@ -166,9 +166,9 @@ def test_each_unsupported_piece_has_six_rigid_modes():
 
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
 def test_length_and_material_only_scale_the_modes(solver, scale):
-    reference = solve_matrices(*problem((8, 6, 1), (0, 1, 0, 1, 0, 0.1), top)[:3], 15)
+    reference = solve_matrices(*problem((8, 6, 1), (0, 1, 0, 1, 0, 0.1), is_top)[:3], 15)
     bounds = tuple(scale * x for x in (0, 1, 0, 1, 0, 0.1))
-    case = problem((8, 6, 1), bounds, top, young=1e6 * 200e3, density=300 * 1e-9)
+    case = problem((8, 6, 1), bounds, is_top, young=1e6 * 200e3, density=300 * 1e-9)
     eigenvalues, shapes = solve_matrices(*case[:3], 15)
     check(*case[:3], eigenvalues, shapes)
     ratio = 200e3 / 1e-9 / scale**2
@@ -207,7 +207,7 @@ def test_free_bar_converges_with_order_two():
 )
 def test_cantilever_frequency_converges_to_beam_theory(cells, first):
     K, M, free, points = problem(
-        (10 * cells, cells, cells), (0, 10, 0, 1, 0, 1), left, young=200e9, density=8000.0
+        (10 * cells, cells, cells), (0, 10, 0, 1, 0, 1), is_left, young=200e9, density=8000.0
     )
     eigenvalues, shapes = solve_matrices(K, M, free, 8)
     check(K, M, free, eigenvalues, shapes)
@@ -238,18 +238,18 @@ def test_spring_mass_chain_has_its_closed_form_modes():
 
 
 def test_requesting_too_many_modes_returns_all(solver):
-    K, M, free, _ = problem((2, 2, 1), fixed=top)
+    K, M, free, _ = problem((2, 2, 1), fixed=is_top)
     eigenvalues, shapes = solve_matrices(K, M, free, 10_000)
     assert len(eigenvalues) == free.sum()
     check(K, M, free, eigenvalues, shapes)
     np.testing.assert_allclose(eigenvalues, lapack(K, M, free), rtol=1e-9)
     # Completeness: the modes of all degrees of freedom invert M.
-    S = flat(shapes)[free]
+    S = as_columns(shapes)[free]
     np.testing.assert_allclose(S @ S.T @ M[free][:, free].toarray(), np.eye(len(S)), atol=1e-10)
 
 
 def test_repeated_solutions_are_identical(solver):
-    case = problem((6, 6, 2), fixed=top)[:3]
+    case = problem((6, 6, 2), fixed=is_top)[:3]
     first, second = (solve_matrices(*case, 12) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
     np.testing.assert_array_equal(first[1], second[1])
@@ -268,9 +268,9 @@ def test_modes_do_not_depend_on_the_shift(monkeypatch):
 
 def test_shift_is_near_the_first_elastic_eigenvalue():
     for divisions, bounds, fixed in (
-        ((8, 8, 8), CUBE, top),
+        ((8, 8, 8), CUBE, is_top),
         ((8, 8, 8), CUBE, None),
-        ((16, 16, 2), (0, 1, 0, 1, 0, 0.1), top),
+        ((16, 16, 2), (0, 1, 0, 1, 0, 0.1), is_top),
     ):
         K, M, free, _ = problem(divisions, bounds, fixed)
         first = solve_matrices(K, M, free, 7)[0][0 if fixed else 6]
@@ -278,7 +278,7 @@ def test_shift_is_near_the_first_elastic_eigenvalue():
 
 
 @pytest.fixture
-def losing(monkeypatch):
+def dropping_modes(monkeypatch):
     """Let the iteration lose its second mode, as often as is asked for."""
     monkeypatch.setattr(eigen, "DENSE", 0)
     right, lost = lanczos.lowest_modes, []
@@ -295,28 +295,28 @@ def losing(monkeypatch):
     return lose
 
 
-def test_missed_mode_is_detected_and_found(losing):
-    case = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)[:3]
+def test_missed_mode_is_detected_and_found(dropping_modes):
+    case = problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), is_top)[:3]
     eigenvalues, _ = solve_matrices(*case, 12)
     np.testing.assert_allclose(eigenvalues, lapack(*case)[:12], rtol=1e-9)
-    assert losing.lost == [0, 1]
+    assert dropping_modes.lost == [0, 1]
 
 
-def test_mode_that_stays_missed_is_an_error(losing):
-    losing.times = 100
+def test_mode_that_stays_missed_is_an_error(dropping_modes):
+    dropping_modes.times = 100
     with pytest.raises(SolverError, match=r"(\d+) modes lie below .* Hz, but \d+ were"):
-        solve_matrices(*problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), top)[:3], 12)
+        solve_matrices(*problem((5, 5, 1), (0, 1, 0, 1, 0, 0.1), is_top)[:3], 12)
 
 
 def test_progress_rises_from_0_to_1_and_may_cancel(solver):
-    case = problem((6, 6, 2), fixed=top)[:3]
-    seen = []
-    solve_matrices(*case, 12, seen.append)
-    assert seen[0] == 0
-    assert seen[-1] == 1
-    assert (np.diff(seen) >= 0).all()
+    case = problem((6, 6, 2), fixed=is_top)[:3]
+    reported = []
+    solve_matrices(*case, 12, reported.append)
+    assert reported[0] == 0
+    assert reported[-1] == 1
+    assert (np.diff(reported) >= 0).all()
     if solver == "sparse":
-        assert len(seen) > 5
+        assert len(reported) > 5
 
     def cancel(share):
         if share > 0.2:
@@ -333,7 +333,7 @@ def test_fully_fixed_cage_is_refused():
 
 
 def test_arguments_are_checked():
-    K, M, free, _ = problem((2, 2, 1), fixed=top)
+    K, M, free, _ = problem((2, 2, 1), fixed=is_top)
     with pytest.raises(InputError, match="count"):
         solve_matrices(K, M, free, 0)
     stray = [sp.block_diag([matrix, sp.csr_matrix((3, 3))], format="csr") for matrix in (K, M)]
@@ -342,7 +342,7 @@ def test_arguments_are_checked():
 
 
 def test_indefinite_stiffness_is_refused(solver):
-    K, M, free, _ = problem((4, 4, 2), fixed=top)
+    K, M, free, _ = problem((4, 4, 2), fixed=is_top)
     with pytest.raises(SolverError):
         solve_matrices(-K, M, free, 5)
 
@@ -359,7 +359,7 @@ def test_inaccurate_modes_are_refused(monkeypatch):
 
     monkeypatch.setattr(eigen, "lowest_modes", poor)
     with pytest.raises(SolverError, match="residual"):
-        solve_matrices(*problem((4, 4, 2), fixed=top)[:3], 5)
+        solve_matrices(*problem((4, 4, 2), fixed=is_top)[:3], 5)
 
 
 def test_memory_is_estimated_from_above_and_in_order():

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_modal_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, breaks
+from test_modal_motion import DAMPING, FUNCTIONS, GAIN, STIFFNESS, break_times
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary import time_functions as tf
@@ -22,9 +22,13 @@ from spacemap_vtk.mechanics.response.modal_motion import ModalLoad, ModalMotion
 from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 
 
-def lost_by_quadrature(motion, start, end):
+def dissipation_by_quadrature(motion, start, end):
     """∫ 2h q̇² by Gauss's rule, panel by panel, from break to break."""
-    marks = {start, end, *(t for d in motion.drives for t in breaks(d.function, end) if t > start)}
+    marks = {
+        start,
+        end,
+        *(t for d in motion.drives for t in break_times(d.function, end) if t > start),
+    }
     marks = sorted(marks)
     marks = [a for a, b in zip(marks, [*marks[1:], math.inf], strict=True) if b - a > 1e-12]
     nodes, weights = np.polynomial.legendre.leggauss(18)
@@ -46,7 +50,7 @@ def check(motion, times=(0.05, 0.35, 0.77, 1.5)):
         assert energy.strain == pytest.approx(0.5 * (STIFFNESS * state.position**2).sum())
         size = max(abs(energy.work), energy.kinetic + energy.strain)
         if motion.half.any():
-            lost += lost_by_quadrature(motion, before, time)
+            lost += dissipation_by_quadrature(motion, before, time)
         before = time
         balance = energy.kinetic + energy.strain + lost - energy.work
         assert abs(balance) <= 1e-10 * size

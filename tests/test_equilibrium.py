@@ -28,7 +28,7 @@ BENDING, STRETCH, WEIGHT = 1e-5, 1500.0, 0.15 * 9.81
 LENGTH = (BENDING / WEIGHT) ** (1 / 3)
 
 
-def hang(
+def find_hanging_state(
     terms: list[Strains],
     basis: sp.csr_matrix,
     start: FloatArray,
@@ -48,11 +48,13 @@ class Sheet(NamedTuple):
     weights: FloatArray
     """Area that each mid-point carries [m²]."""
 
-    def hung(self, held: NDArray[np.bool_], pull: Any, **options: Any) -> Equilibrium:
+    def equilibrium(self, held: NDArray[np.bool_], pull: Any, **options: Any) -> Equilibrium:
         """Return the equilibrium under a force per area, mid-points and directors held."""
         load = np.zeros_like(self.start)
         load[: len(self.middle)] = self.weights[:, None] * np.asarray(pull)
-        return hang(self.strains, free(~np.tile(held, 2)), self.start, load, **options)
+        return find_hanging_state(
+            self.strains, free(~np.tile(held, 2)), self.start, load, **options
+        )
 
 
 def sheet(
@@ -89,7 +91,7 @@ def strip(lengths: float, cells: int, **material: float) -> tuple[Sheet, NDArray
     return made, made.middle[:, 0] < 1e-12
 
 
-def tip(made: Sheet, found: Equilibrium) -> FloatArray:
+def tip_position(made: Sheet, found: Equilibrium) -> FloatArray:
     """Return where the far end of a strip is, in lengths of it."""
     length = made.middle[:, 0].max()
     end = made.middle[:, 0] > length - 1e-12
@@ -100,8 +102,8 @@ def tip(made: Sheet, found: Equilibrium) -> FloatArray:
 def test_peirces_cantilever_has_an_angle_of_41_5_degrees(cells: int, degrees: float) -> None:
     """Peirce 1930: at twice the bending length its chord hangs by 41.5° (elastica: 2.00035 c)."""
     made, held = strip(2.00035, cells)
-    found = made.hung(held, (0, 0, -WEIGHT))
-    x, _, z = tip(made, found)
+    found = made.equilibrium(held, (0, 0, -WEIGHT))
+    x, _, z = tip_position(made, found)
     assert np.degrees(np.arctan2(-z, x)) == pytest.approx(degrees, abs=0.01)
     assert found.residual < 1e-7
     assert found.critical is None
@@ -114,8 +116,8 @@ def test_cantilever_shape_does_not_depend_on_thickness(thickness: float) -> None
     stretch = 12 * bending / thickness**2
     length = 2.00035 * LENGTH * max(1.0, thickness / 1e-4)
     made = sheet((length, 0.1 * length), (10, 1), bending, stretch)
-    found = made.hung(made.middle[:, 0] < 1e-12, (0, 0, -8.00420 * bending / length**3))
-    x, _, z = tip(made, found)
+    found = made.equilibrium(made.middle[:, 0] < 1e-12, (0, 0, -8.00420 * bending / length**3))
+    x, _, z = tip_position(made, found)
     assert np.degrees(np.arctan2(-z, x)) == pytest.approx(41.72, abs=0.02)
 
 
@@ -124,7 +126,7 @@ def test_long_strip_hangs_like_the_elastica() -> None:
     ends = []
     for cells in (20, 40):
         made, held = strip(7.3211, cells)
-        x, _, z = tip(made, made.hung(held, (0, 0, -WEIGHT)))
+        x, _, z = tip_position(made, made.equilibrium(held, (0, 0, -WEIGHT)))
         ends.append([x, -z])
     coarse, fine = np.array(ends)
     np.testing.assert_allclose(fine, (0.074836, 0.969545), atol=3e-3)
@@ -136,13 +138,17 @@ def test_hanging_strip_stretches_under_its_weight() -> None:
     made, held = strip(20, 20)
     length = made.middle[:, 0].max()
     stretched = WEIGHT * length / 2 / STRETCH
-    down = made.hung(held, (WEIGHT, 0, 0))
-    assert tip(made, down) == pytest.approx([1 + stretched, 0.005, 0], abs=0.01 * stretched)
+    down = made.equilibrium(held, (WEIGHT, 0, 0))
+    assert tip_position(made, down) == pytest.approx(
+        [1 + stretched, 0.005, 0], abs=0.01 * stretched
+    )
     load = np.zeros_like(made.start)
     load[: len(held), 2] = -WEIGHT * made.weights
     hinge = free(~np.concatenate([held, held & False]))
-    fallen = hang(made.strains, hinge, made.start, load)
-    assert tip(made, fallen) == pytest.approx([0, 0.005, -1 - stretched], abs=0.01 * stretched)
+    fallen = find_hanging_state(made.strains, hinge, made.start, load)
+    assert tip_position(made, fallen) == pytest.approx(
+        [0, 0.005, -1 - stretched], abs=0.01 * stretched
+    )
 
 
 def test_a_sheet_between_two_lines_is_a_catenary() -> None:
@@ -155,7 +161,7 @@ def test_a_sheet_between_two_lines_is_a_catenary() -> None:
     load = np.zeros_like(start)
     load[: len(x), 2] = -WEIGHT * made.weights
     rows = np.concatenate([~ends, np.ones(len(x), dtype=bool)])
-    found = hang(made.strains, free(rows), start, load)
+    found = find_hanging_state(made.strains, free(rows), start, load)
     # z = a cosh(x/a), 2 a sinh(0.12/a) = 0.3.
     a = brentq(lambda a: 2 * a * np.sinh(0.12 / a) - 0.3, 0.01, 1.0)
     sag = a * (np.cosh(0.12 / a) - 1)
@@ -172,11 +178,11 @@ def column(share: float, **options: Any) -> tuple[Sheet, Equilibrium]:
     end = np.flatnonzero(x > 0.1 - 1e-12)
     load[end, 0] = -share * np.pi**2 * BENDING * 0.01 / (4 * 0.1**2) / len(end)
     basis = free(~np.tile(x < 1e-12, 2))
-    return made, hang(made.strains, basis, made.start, load, **options)
+    return made, find_hanging_state(made.strains, basis, made.start, load, **options)
 
 
 def test_a_strip_pressed_along_its_length_buckles_at_eulers_load() -> None:
-    """π² B/(4 L²) per width, told as a share of the load; past it the elastica's large bow."""
+    """π² B/(4 L²) per width, reported as a share of the load; past it the elastica's large bow."""
     made, found = column(0.98)
     assert found.critical is None
     assert abs(found.positions[:, 1:] - made.start[:, 1:]).max() < 1e-9
@@ -197,11 +203,11 @@ def test_a_strip_pressed_along_its_length_buckles_at_eulers_load() -> None:
 def test_strip_on_its_edge_falls_over() -> None:
     """A column buckles under its own weight from w L³ = 7.8373 B on (Greenhill 1881)."""
     made, held = strip(1.9, 20)
-    assert made.hung(held, (-WEIGHT, 0, 0)).critical is None
+    assert made.equilibrium(held, (-WEIGHT, 0, 0)).critical is None
     made, held = strip(20, 40)
-    falls = made.hung(held, (-WEIGHT, 0, 0))
+    falls = made.equilibrium(held, (-WEIGHT, 0, 0))
     assert falls.critical == pytest.approx(7.8373 / 20**3, rel=2e-3)
-    assert tip(made, falls)[0] < -0.9
+    assert tip_position(made, falls)[0] < -0.9
 
 
 @pytest.mark.parametrize("load", [1.0, 2.0, 5.0, 10.0])
@@ -214,7 +220,7 @@ def test_a_cantilever_of_quadratic_tetrahedra_is_the_elastica(load: float) -> No
     force = np.zeros_like(points)
     force[end, 2] = -load * 1e6 * 0.05 * 0.02**3 / 12 / end.sum()
     strains = [tetrahedron_strains(points, cells, isotropic(1e6, 0.0))]
-    found = hang(strains, free(x > 1e-12), points, force)
+    found = find_hanging_state(strains, free(x > 1e-12), points, force)
     moved = (found.positions - points)[end].mean(axis=0)
     assert (-moved[2], -moved[0]) == pytest.approx(table[int(load)], abs=1.5e-3)
 
@@ -227,7 +233,7 @@ def test_very_flat_tetrahedra_reach_equilibrium() -> None:
     load = np.zeros_like(points)
     load[:, 1] = -np.bincount(cells[:, 4:].ravel(), weights, len(points))
     strains = [tetrahedron_strains(points, cells, isotropic(40e6, 0.0))]
-    found = hang(strains, free(points[:, 1] < 1 - 1e-12), points, load)
+    found = find_hanging_state(strains, free(points[:, 1] < 1 - 1e-12), points, load)
     assert found.residual > 1e-3
     low = (found.positions - points)[points[:, 1] < 1e-12, 1]
     assert low == pytest.approx(-300 * 9.81 / (2 * 40e6), rel=1e-3)
@@ -243,15 +249,15 @@ def test_state_with_inverted_elements_is_refused() -> None:
     load = np.zeros_like(points)
     faces = cells[top[cells].sum(axis=1) == 3]  # two triangles
     load[:, 2] = -1e6 * np.bincount(faces[top[faces]], minlength=len(points)) / 6
-    squeezed = hang(strains, basis, points, 0.18 * load).positions[top, 2]
+    squeezed = find_hanging_state(strains, basis, points, 0.18 * load).positions[top, 2]
     assert squeezed == pytest.approx(brentq(lambda x: x * (x * x - 1) / 2 + 0.18, 0.6, 0.99))
     with pytest.raises(SolverError, match="the search reached") as refused:
-        hang(strains, basis, points, 0.25 * load)
+        find_hanging_state(strains, basis, points, 0.25 * load)
     share = float(str(refused.value).split("% of the load")[0].split()[-1]) / 100
     assert 27**-0.5 / 0.25 - 2 / 64 < share <= 27**-0.5 / 0.25
 
 
-def drape(cells: int) -> tuple[Sheet, NDArray[np.bool_]]:
+def draped_cloth(cells: int) -> tuple[Sheet, NDArray[np.bool_]]:
     """Return a square of 300 mm, held on a disc of 180 mm."""
     made = sheet((0.3, 0.3), (cells, cells), poisson=0.3)
     return made, np.hypot(*(made.middle[:, :2] - 0.15).T) <= 0.09 + 1e-9
@@ -259,13 +265,13 @@ def drape(cells: int) -> tuple[Sheet, NDArray[np.bool_]]:
 
 def test_draped_cloth_has_stable_folds() -> None:
     """However symmetric at first; in some twenty steps, where less energy alone took 82."""
-    made, held = drape(24)
-    told: list[float] = []
-    found = made.hung(held, (0, 0, -WEIGHT), progress=told.append)
+    made, held = draped_cloth(24)
+    reported: list[float] = []
+    found = made.equilibrium(held, (0, 0, -WEIGHT), progress=reported.append)
     assert found.residual < 1e-7
     assert found.steps < 40
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0
     basis = free(~np.tile(held, 2))
     stiffness = (basis.T @ assemble_tangent(made.strains, found.positions) @ basis).tocsc()
     # No negative pivot without exchanges: positive definite, by Sylvester.
@@ -282,12 +288,12 @@ def test_equilibrium_does_not_depend_on_load_steps() -> None:
     load = np.zeros_like(made.start)
     load[: len(held), 2] = -WEIGHT * made.weights
     basis = free(~np.tile(held, 2))
-    once = hang(made.strains, basis, made.start, load).positions
-    half = hang(made.strains, basis, made.start, 0.5 * load).positions
-    after = hang(made.strains, basis, half, load).positions
+    once = find_hanging_state(made.strains, basis, made.start, load).positions
+    half = find_hanging_state(made.strains, basis, made.start, 0.5 * load).positions
+    after = find_hanging_state(made.strains, basis, half, load).positions
     size = made.middle[:, 0].max()
     np.testing.assert_allclose(after, once, atol=1e-7 * size)
-    flat = hang(made.strains, basis, once, 0.0 * load).positions
+    flat = find_hanging_state(made.strains, basis, once, 0.0 * load).positions
     np.testing.assert_allclose(flat, made.start, atol=1e-7 * size)
 
 
@@ -307,10 +313,10 @@ def test_supports_can_slide_along_any_line() -> None:
     along = np.zeros((6 * count, int(end.sum())))
     along[3 * np.flatnonzero(end), np.arange(end.sum())] = 1.0
     basis = sp.hstack([free(rows), sp.csr_matrix(along)]).tocsr()
-    straight = hang(made.strains, basis, made.start, load)
+    straight = find_hanging_state(made.strains, basis, made.start, load)
     turned = sp.kron(sp.identity(2 * count), turn).tocsr() @ basis
     start, strains = made.start @ turn.T, made.strains
-    found = hang(strains, turned.tocsr(), start, load @ turn.T)
+    found = find_hanging_state(strains, turned.tocsr(), start, load @ turn.T)
     np.testing.assert_allclose(found.positions, straight.positions @ turn.T, atol=1e-9)
     assert abs(straight.positions - made.start).max() > 0.01
 
@@ -319,7 +325,7 @@ def test_unsupported_body_is_refused() -> None:
     """Free, and where only one part of two is held; a free body without a net force may rest."""
     made, held = strip(2, 6)
     with pytest.raises(InputError, match="the cage, or a part of it, is not held"):
-        made.hung(held & False, (0, 0, -WEIGHT))
+        made.equilibrium(held & False, (0, 0, -WEIGHT))
     two = [
         Strains(
             np.concatenate([kind.nodes, kind.nodes + len(made.start)]),
@@ -331,19 +337,19 @@ def test_unsupported_body_is_refused() -> None:
     load = np.zeros((len(rows), 3))
     load[-len(made.start) : -len(held), 2] = -1e-3 * made.weights
     with pytest.raises(InputError, match="Fix a side"):
-        hang(two, free(rows), np.concatenate([made.start, made.start]), load)
+        find_hanging_state(two, free(rows), np.concatenate([made.start, made.start]), load)
     ends = made.middle[:, 0] > made.middle[:, 0].max() - 1e-12
-    resting = made.hung(held & False, np.outer(1.0 * ends - held, (WEIGHT, 0, 0)))
+    resting = made.equilibrium(held & False, np.outer(1.0 * ends - held, (WEIGHT, 0, 0)))
     assert resting.residual < 1e-7
 
 
 def test_too_few_steps_report_the_share_of_the_load() -> None:
     """And what to do."""
-    made, held = drape(8)
+    made, held = draped_cloth(8)
     with pytest.raises(
         SolverError, match=r"in 5 steps: the search reached 0\.0% of the load\. Lower the load"
     ):
-        made.hung(held, (0, 0, -WEIGHT), steps=5)
+        made.equilibrium(held, (0, 0, -WEIGHT), steps=5)
     with pytest.raises(
         SolverError,
         match=r"reached 0\.0% of the load, and the cage buckles at 20\.0% of it",
@@ -353,7 +359,7 @@ def test_too_few_steps_report_the_share_of_the_load() -> None:
 
 def test_search_can_be_cancelled() -> None:
     """At any step: what progress raises comes out."""
-    made, held = drape(8)
+    made, held = draped_cloth(8)
     count = 0
 
     def stop(_: float) -> None:
@@ -363,5 +369,5 @@ def test_search_can_be_cancelled() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        made.hung(held, (0, 0, -WEIGHT), progress=stop)
+        made.equilibrium(held, (0, 0, -WEIGHT), progress=stop)
     assert count == 4

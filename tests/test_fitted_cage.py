@@ -38,7 +38,7 @@ def wet_cage(wet: np.ndarray | None = None, order: int = 1) -> vtkUnstructuredGr
     return grid
 
 
-def solved(grid: vtkUnstructuredGrid, **settings: Any) -> ModalSolver:
+def solve_grid(grid: vtkUnstructuredGrid, **settings: Any) -> ModalSolver:
     solver = ModalSolver(modes=5, **settings)
     solver.SetInputDataObject(0, grid)
     solver.update()
@@ -47,7 +47,7 @@ def solved(grid: vtkUnstructuredGrid, **settings: Any) -> ModalSolver:
 
 @pytest.mark.parametrize("elements", ["tetrahedra", "sheet"])
 def test_a_response_finds_the_model_of_its_solver(elements: str) -> None:
-    solver = solved(wet_cage(), elements=elements, **FITTED)
+    solver = solve_grid(wet_cage(), elements=elements, **FITTED)
     output = solver.GetOutputDataObject(0)
     made, found = solver._model, model_of(output)
     assert made is not None
@@ -80,7 +80,7 @@ def test_a_response_finds_the_model_of_its_solver(elements: str) -> None:
 
 @pytest.mark.parametrize("elements", ["tetrahedra", "sheet"])
 def test_moving_base_carries_a_cage_on_springs(elements: str) -> None:
-    solver = solved(wet_cage(), elements=elements, fixed="", springs="-z 5 N/m +y:z 1 N/m")
+    solver = solve_grid(wet_cage(), elements=elements, fixed="", springs="-z 5 N/m +y:z 1 N/m")
     load = {"base_displacement": [0, "1 mm", "2 mm"], "time": "ramp", "rise": "1 s"}
     response = ModalResponse(alpha=100.0, gravity=(0, 0, 0), loads=[load])
     response.SetInputConnection(solver.GetOutputPort())
@@ -93,7 +93,7 @@ def test_moving_base_carries_a_cage_on_springs(elements: str) -> None:
 
 
 def test_stress_uses_the_material_of_each_cell() -> None:
-    solver = solved(wet_cage(), elements="tetrahedra", stiffness_factors="wet")
+    solver = solve_grid(wet_cage(), elements="tetrahedra", stiffness_factors="wet")
     response = ModalResponse(initial="equilibrium")
     response.SetInputConnection(solver.GetOutputPort())
     response.update(0.0)
@@ -105,8 +105,8 @@ def test_stress_uses_the_material_of_each_cell() -> None:
 
 
 def test_arrays_of_an_earlier_solver_are_removed() -> None:
-    first = solved(wet_cage(), **FITTED)
-    second = solved(first.GetOutputDataObject(0), fixed="+y")
+    first = solve_grid(wet_cage(), **FITTED)
+    second = solve_grid(first.GetOutputDataObject(0), fixed="+y")
     data = second.GetOutputDataObject(0).GetPointData()
     for name in ("fixed_directions", "rigid_body", "spring_stiffness", "point_mass"):
         assert not data.HasArray(name)
@@ -131,13 +131,13 @@ def test_arrays_of_an_earlier_solver_are_removed() -> None:
 )
 def test_factors_must_be_above_zero(key: str, wet: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        solved(wet_cage(wet), **{key: "wet"})
+        solve_grid(wet_cage(wet), **{key: "wet"})
     assert caught.value.key == key
 
 
 def test_missing_array_is_named() -> None:
     with pytest.raises(InputError, match=r'stiffness_factors.*"dry".*"wet"'):
-        solved(wet_cage(), stiffness_factors="dry")
+        solve_grid(wet_cage(), stiffness_factors="dry")
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_missing_array_is_named() -> None:
 )
 def test_errors_name_the_parameter(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        solved(wet_cage(), **settings)
+        solve_grid(wet_cage(), **settings)
 
 
 @pytest.mark.parametrize("key", ["fixed", "rigid", "springs", "masses"])

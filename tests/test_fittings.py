@@ -235,7 +235,7 @@ def test_factor_equals_another_material(kind):
         points, cells = add_midpoints(points, cells)
     held = np.repeat((points[:, 0] == 0)[:, None], 3, axis=1)
 
-    def made(stiff=None, heavy=None, factor=1.0, density=RHO):
+    def make_model(stiff=None, heavy=None, factor=1.0, density=RHO):
         fitted = Fittings(stiffness_factors=stiff, mass_factors=heavy)
         if kind == "sheet":
             scaled = Plate(*(factor * part for part in vars(material).values()))
@@ -243,8 +243,8 @@ def test_factor_equals_another_material(kind):
             scaled = factor * material
         return Model(points, cells, scaled, density, held, False, None, fitted)
 
-    alike = made(np.full(len(cells), 3.0), np.full(len(cells), 2.0))
-    other = made(factor=3.0, density=2 * RHO)
+    alike = make_model(np.full(len(cells), 3.0), np.full(len(cells), 2.0))
+    other = make_model(factor=3.0, density=2 * RHO)
     assert abs(alike.stiffness - other.stiffness).max() <= 1e-12 * abs(other.stiffness).max()
     assert abs(alike.mass - other.mass).max() <= 1e-12 * abs(other.mass).max()
     np.testing.assert_allclose(alike.nodal_mass, other.nodal_mass, rtol=1e-12)
@@ -256,8 +256,11 @@ def test_factor_equals_another_material(kind):
         np.testing.assert_allclose(one, two, atol=1e-9 * abs(two).max())
     # K is linear in the factors.
     left = points[cells[:, :4]].mean(axis=1)[:, 0] < 0.05
-    mixed = made(np.where(left, 3.0, 1.0)).stiffness
-    halves = made(np.where(left, 3.0, 1e-9)).stiffness + made(np.where(left, 1e-9, 1.0)).stiffness
+    mixed = make_model(np.where(left, 3.0, 1.0)).stiffness
+    halves = (
+        make_model(np.where(left, 3.0, 1e-9)).stiffness
+        + make_model(np.where(left, 1e-9, 1.0)).stiffness
+    )
     assert abs(mixed - halves).max() <= 1e-8 * abs(mixed).max()
 
 

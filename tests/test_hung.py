@@ -143,17 +143,17 @@ def test_dead_loads_act_in_the_equilibrium() -> None:
 
 
 @pytest.mark.parametrize(
-    ("load", "told"),
+    ("load", "key"),
     [
         ({"gravity": (0, 0, -1)}, "dead_loads[0]"),
         ({"base_displacement": (0, 0, 1)}, "dead_loads[0]"),
         ({"pressure": 1.0, "on": "+z", "time": "ramp", "rise": 1.0}, "dead_loads[0]"),
     ],
 )
-def test_load_with_a_time_function_is_not_a_dead_load(load: dict[str, Any], told: str) -> None:
+def test_load_with_a_time_function_is_not_a_dead_load(load: dict[str, Any], key: str) -> None:
     with pytest.raises(InputError, match="a dead load must be constant") as refused:
         Curtain(dead_loads=[load]).solver.update()
-    assert refused.value.key == told
+    assert refused.value.key == key
 
 
 def test_equilibrium_is_cached(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

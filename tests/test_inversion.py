@@ -26,7 +26,7 @@ from spacemap_vtk.mechanics.elements.inversion import count_inverted
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 
 
-def reported(mover: Any, shift: float) -> tuple[Any, list[str]]:
+def run_mover(mover: Any, shift: float) -> tuple[Any, list[str]]:
     """Return a cage that a mover starts shifted, or with z mirrored and stretched, and warnings."""
     solver = ModalSolver(youngs_modulus=1e3, modes=1000, elements="tetrahedra")
     grid = connect(WeaveSource(ends=4, picks=3), TetraCage(divisions=(3, 3, 1)), solver)
@@ -41,32 +41,32 @@ def reported(mover: Any, shift: float) -> tuple[Any, list[str]]:
     moved.GetPointData().AddArray(array)
     mover.configure(initial_displacement_array="start", gravity=(0, 0, 0))
     mover.SetInputDataObject(0, moved)
-    last = connect(mover, RotationStrain()) if isinstance(mover, Turned) else mover
-    with warnings.catch_warnings(record=True) as told:
+    last = connect(mover, RotationStrain()) if isinstance(mover, RotatedResponse) else mover
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SpacemapWarning)
         output = last.update(0.0).output
-    return output, [str(w.message) for w in told if "inside out" in str(w.message)]
+    return output, [str(w.message) for w in caught if "inside out" in str(w.message)]
 
 
-class Turned(ModalResponse):
+class RotatedResponse(ModalResponse):
     """A response with a RotationStrain behind it."""
 
 
-@pytest.mark.parametrize("kind", [ModalResponse, TransientResponse, Turned])
+@pytest.mark.parametrize("kind", [ModalResponse, TransientResponse, RotatedResponse])
 def test_inverted_tetrahedra_are_counted(
     kind: type, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path))
-    output, told = reported(kind(), 0.0)
+    output, caught = run_mover(kind(), 0.0)
     points = vtk_to_numpy(output.GetPoints().GetData())
     moved = points + vtk_to_numpy(output.GetPointData().GetArray("displacement"))
     cells = vtk_to_numpy(output.GetCells().GetConnectivityArray()).reshape(-1, 4)
     edges = [np.linalg.det(at[cells[:, 1:]] - at[cells[:, :1]]) for at in (points, moved)]
     count = int((edges[0] * edges[1] < 0).sum())
     assert count > len(cells) / 2
-    (text,) = told
+    (text,) = caught
     assert re.match(rf"{count} of {len(cells)} tetrahedra are turned inside out", text)
-    assert reported(kind(), 1e-6)[1] == []
+    assert run_mover(kind(), 1e-6)[1] == []
 
 
 def test_inverted_cells_of_a_sheet_are_counted() -> None:

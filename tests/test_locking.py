@@ -1,4 +1,4 @@
-"""How stiff thin cages are said to be, against the closed forms of plates and their own modes."""
+"""Estimated stiffness of thin cages, against the closed forms of plates and their own modes."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def square(cells, layers, wide, order):
     return points, tetrahedra, thickness
 
 
-def held(points, sides=1):
+def hold_sides(points, sides=1):
     far, near = points[:, 1:2] > SIDE * (1 - 1e-9), points[:, 1:2] < SIDE * 1e-9
     return np.repeat(far | near if sides == 2 else far, 3, axis=1)
 
 
-def first_two(points, tetrahedra, stuff, sides=1, count=14):
+def first_eigenvalues(points, tetrahedra, stuff, sides=1, count=14):
     """Eigenvalues of first bending and first twist, for a density of 1; 0 where none is found."""
-    model = Model(points, tetrahedra, stuff, DENSITY, held(points, sides))
+    model = Model(points, tetrahedra, stuff, DENSITY, hold_sides(points, sides))
     eigenvalues, shapes, _ = solve_modes(model.pencil, count)
     middle = SIDE / 2 if sides == 2 else 0.0
     line = abs(points[:, 1] - middle) <= abs(points[:, 1] - middle).min() + 1e-9
@@ -57,10 +57,10 @@ def first_two(points, tetrahedra, stuff, sides=1, count=14):
     return np.array([found["bending"], found.get("twist", 0.0)])
 
 
-def measured(points, tetrahedra, thickness, sides=1, known=(BENDING, TWIST)):
+def measure_locking(points, tetrahedra, thickness, sides=1, known=(BENDING, TWIST)):
     """How many times too high the eigenvalues of first bending and first twist are."""
     plate = 1e6 * thickness**3 / (12 * (1 - 0.3**2))
-    found = first_two(points, tetrahedra, STUFF, sides) * thickness / plate * SIDE**4
+    found = first_eigenvalues(points, tetrahedra, STUFF, sides) * thickness / plate * SIDE**4
     return found / np.square(known)
 
 
@@ -75,11 +75,11 @@ LINEAR = [
 @pytest.mark.parametrize(("cells", "layers", "wide"), LINEAR)
 def test_locking_of_linear_tetrahedra_is_estimated(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
-    said = estimate_locking(points, tetrahedra, STUFF, held(points))
-    bending, twist = measured(points, tetrahedra, thickness)
-    assert 0.97 < said.bending / bending < (1.1 if wide >= 5 else 1.3)
+    estimated = estimate_locking(points, tetrahedra, STUFF, hold_sides(points))
+    bending, twist = measure_locking(points, tetrahedra, thickness)
+    assert 0.97 < estimated.bending / bending < (1.1 if wide >= 5 else 1.3)
     if twist:  # where it is so stiff that it is none of the lowest modes
-        assert 1.0 < said.twist / twist < (1.1 if wide >= 2.5 else 1.3)
+        assert 1.0 < estimated.twist / twist < (1.1 if wide >= 2.5 else 1.3)
 
 
 @pytest.mark.parametrize(
@@ -100,21 +100,21 @@ def test_locking_of_linear_tetrahedra_is_estimated(cells, layers, wide):
 )
 def test_locking_of_quadratic_tetrahedra_is_estimated(cells, layers, wide):
     points, tetrahedra, thickness = square(cells, layers, wide, 2)
-    said = estimate_locking(points, tetrahedra, STUFF, held(points))
-    bending, twist = measured(points, tetrahedra, thickness)
-    assert 1.0 <= said.bending < 1.03
+    estimated = estimate_locking(points, tetrahedra, STUFF, hold_sides(points))
+    bending, twist = measure_locking(points, tetrahedra, thickness)
+    assert 1.0 <= estimated.bending < 1.03
     assert 1.0 < bending < 1.07  # five and ten cells, however thin
-    assert 0.7 < said.twist / twist < 1.3
+    assert 0.7 < estimated.twist / twist < 1.3
 
 
 @pytest.mark.parametrize(("cells", "layers", "wide"), [(5, 1, 5), (5, 1, 10), (5, 3, 5), (8, 2, 4)])
 def test_locking_between_two_clamped_sides_is_estimated(cells, layers, wide):
     """Where a mode that seems to twist bends for the most part. Leissa, table 4.37."""
     points, tetrahedra, thickness = square(cells, layers, wide, 1)
-    said = estimate_locking(points, tetrahedra, STUFF, held(points, 2))
-    bending, twist = measured(points, tetrahedra, thickness, 2, (22.272, 26.529))
-    assert 1.0 < said.bending / bending < 1.3
-    assert 1.0 < said.twist / twist < 1.5  # its second twist is the worse one
+    estimated = estimate_locking(points, tetrahedra, STUFF, hold_sides(points, 2))
+    bending, twist = measure_locking(points, tetrahedra, thickness, 2, (22.272, 26.529))
+    assert 1.0 < estimated.bending / bending < 1.3
+    assert 1.0 < estimated.twist / twist < 1.5  # its second twist is the worse one
 
 
 @pytest.mark.parametrize("sides", [1, 2])
@@ -127,26 +127,26 @@ def test_locking_of_measured_fabrics_is_estimated(fabric, order, wide, sides):
     points, tetrahedra, thickness = square(5, 1, wide, order)
     solid = FABRICS[fabric].solid(thickness)
     stuff = fabric_to_xyz(orthotropic(*solid[:3]))
-    said = estimate_locking(points, tetrahedra, stuff, held(points, sides))
-    bending, twist = first_two(points, tetrahedra, stuff, sides, count=24) / (
-        right_for_fabric(fabric, sides) * thickness
+    estimated = estimate_locking(points, tetrahedra, stuff, hold_sides(points, sides))
+    bending, twist = first_eigenvalues(points, tetrahedra, stuff, sides, count=24) / (
+        converged_for_fabric(fabric, sides) * thickness
     )
-    assert 0.8 < said.bending / bending < 1.6
+    assert 0.8 < estimated.bending / bending < 1.6
     # Between two sides other modes twist worse than the first.
-    assert 0.8 < said.twist / twist < (1.4 if sides == 1 else 4)
+    assert 0.8 < estimated.twist / twist < (1.4 if sides == 1 else 4)
 
 
 @cache
-def right_for_fabric(fabric, sides):
+def converged_for_fabric(fabric, sides):
     """Eigenvalues over thickness, to which a fabric's grow: by cells five thicknesses wide."""
     points, tetrahedra, thickness = square(14, 1, 5, 2)
     stuff = fabric_to_xyz(orthotropic(*FABRICS[fabric].solid(thickness)[:3]))
-    return first_two(points, tetrahedra, stuff, sides) / thickness
+    return first_eigenvalues(points, tetrahedra, stuff, sides) / thickness
 
 
 @pytest.mark.parametrize("cells", [10, 16])
 def test_cells_of_four_thicknesses_twist_correctly(cells):
-    bending, twist = np.sqrt(measured(*square(cells, 1, 4, 2)))
+    bending, twist = np.sqrt(measure_locking(*square(cells, 1, 4, 2)))
     assert 1.0 < bending < 1.02
     assert 1.0 < twist < 1.05
 
@@ -168,9 +168,9 @@ def test_locking_of_a_bar_is_estimated():
     """Measured first frequencies of 10 x 1 x 1 m of steel, see test_eigen.py, over Timoshenko's."""
     for cells, first in ((1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533)):
         points, tetrahedra = build_lattice((0, 10, 0, 1, 0, 1), (10 * cells, cells, cells))
-        said = estimate_locking(points, tetrahedra, STUFF, np.zeros(points.shape, bool))
-        assert 0.97 < said.bending / (first / 8.013) ** 2 < 1.3
-        assert said.twist == 1.0
+        estimated = estimate_locking(points, tetrahedra, STUFF, np.zeros(points.shape, bool))
+        assert 0.97 < estimated.bending / (first / 8.013) ** 2 < 1.3
+        assert estimated.twist == 1.0
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.4, 0.45, 0.49])
@@ -182,13 +182,13 @@ def test_locking_at_other_poissons_ratios_is_estimated(ratio, divisions, thickne
         points, tetrahedra = build_lattice((0, 1, 0, 1, 0, thickness), cells)
         clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
         if order == 1:
-            said = estimate_locking(points, tetrahedra, stuff, clamped)
+            estimated = estimate_locking(points, tetrahedra, stuff, clamped)
         else:
             points, tetrahedra = add_midpoints(points, tetrahedra)
             clamped = np.repeat(points[:, 1:2] == 1, 3, axis=1)
         model = Model(points, tetrahedra, stuff, DENSITY, clamped)
         found.append(solve_modes(model.pencil, 1).eigenvalues[0])
-    assert 0.7 < said.bending / (found[0] / found[1]) < 1.7
+    assert 0.7 < estimated.bending / (found[0] / found[1]) < 1.7
 
 
 def test_blocks_have_factors_of_one():
@@ -203,18 +203,18 @@ def test_blocks_have_factors_of_one():
 @pytest.mark.parametrize("normal", [0, 1, 2])
 def test_any_axis_can_be_the_thin_one(normal):
     points, tetrahedra, _ = square(5, 1, 20, 1)
-    said = estimate_locking(points, tetrahedra, STUFF, held(points))
+    estimated = estimate_locking(points, tetrahedra, STUFF, hold_sides(points))
     turned = np.roll(points, normal + 1, axis=1)
-    clamped = np.roll(held(points), normal + 1, axis=1)
+    clamped = np.roll(hold_sides(points), normal + 1, axis=1)
     np.testing.assert_allclose(
-        estimate_locking(turned, tetrahedra, STUFF, clamped), said, rtol=1e-9
+        estimate_locking(turned, tetrahedra, STUFF, clamped), estimated, rtol=1e-9
     )
     quadratic = add_midpoints(points, tetrahedra)
-    said = estimate_locking(*quadratic, STUFF, held(quadratic[0]))
+    estimated = estimate_locking(*quadratic, STUFF, hold_sides(quadratic[0]))
     turned = np.roll(quadratic[0], normal + 1, axis=1)
-    clamped = np.roll(held(quadratic[0]), normal + 1, axis=1)
+    clamped = np.roll(hold_sides(quadratic[0]), normal + 1, axis=1)
     np.testing.assert_allclose(
-        estimate_locking(turned, quadratic[1], STUFF, clamped), said, rtol=1e-9
+        estimate_locking(turned, quadratic[1], STUFF, clamped), estimated, rtol=1e-9
     )
 
 
@@ -243,23 +243,25 @@ def test_parallel_diagonals_do_not_lock_in_twist(wide):
     """Then twist locks as bending does in linear tetrahedra, and hardly in quadratic ones."""
     thickness = SIDE / 8 / wide
     points, tetrahedra = prisms(8, thickness, seed=0)
-    said = estimate_locking(points, tetrahedra, STUFF, held(points))
-    bending, twist = measured(points, tetrahedra, thickness)
-    assert 0.97 < said.bending / bending < 1.3
-    assert 0.9 < said.twist / twist < 1.3
+    estimated = estimate_locking(points, tetrahedra, STUFF, hold_sides(points))
+    bending, twist = measure_locking(points, tetrahedra, thickness)
+    assert 0.97 < estimated.bending / bending < 1.3
+    assert 0.9 < estimated.twist / twist < 1.3
     points, tetrahedra = add_midpoints(points, tetrahedra)
-    bending, twist = measured(points, tetrahedra, thickness)
+    bending, twist = measure_locking(points, tetrahedra, thickness)
     assert bending < 1.1
     assert twist < 1.8
-    assert estimate_locking(points, tetrahedra, STUFF, held(points)).twist == pytest.approx(1.0)
+    assert estimate_locking(points, tetrahedra, STUFF, hold_sides(points)).twist == pytest.approx(
+        1.0
+    )
 
 
 def test_the_readmes_figures():
     """A cage of 100 x 100 x 0.3 mm: how many times too high its first frequencies are."""
     for cells, layers, times in ((20, 2, 14), (5, 3, 55)):
-        bending, _ = measured(*square(cells, layers, SIDE / cells / 3e-4, 1))
+        bending, _ = measure_locking(*square(cells, layers, SIDE / cells / 3e-4, 1))
         assert times <= np.sqrt(bending) < times + 1
-    bending, twist = measured(*square(5, 1, SIDE / 5 / 3e-4, 2))
+    bending, twist = measure_locking(*square(5, 1, SIDE / 5 / 3e-4, 2))
     assert 1.0 < np.sqrt(bending) < 1.03
     assert twist == pytest.approx(199, rel=0.01)  # CalculiX and scikit-fem say the same
     for cells, off in ((5, (1e-3, 0.013, 0.09)), (20, (6e-3, 2e-3, 1e-3))):
@@ -284,7 +286,7 @@ def thin_cage(**settings):
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "message"),
     [
         (
             {"divisions": (20, 20, 2)},
@@ -299,8 +301,8 @@ def thin_cage(**settings):
         ),
     ],
 )
-def test_thin_cages_cause_a_warning(settings, said):
-    with pytest.warns(SpacemapWarning, match=said):
+def test_thin_cages_cause_a_warning(settings, message):
+    with pytest.warns(SpacemapWarning, match=message):
         solver = thin_cage(**settings)
     assert len(solver.warnings) == 1
 

@@ -51,7 +51,7 @@ FUNCTIONS = {
 TIMES = (0.0, 0.05, 0.2, 0.35, 0.77, 1.4, 2.1)
 
 
-def breaks(function, end):
+def break_times(function, end):
     """Return the times up to `end` where a function is not smooth."""
     if isinstance(function, tf.Sine):
         return []
@@ -62,7 +62,7 @@ def breaks(function, end):
     return [t for t in marks if t < end]
 
 
-def integrated(half, drives, start, times, held=False):
+def integrate(half, drives, start, times, held=False):
     """Yield q and q̇ at each of `times` by an explicit method of order 8, from break to break.
 
     A moving base is integrated in absolute coordinates: x = q + Γ d is driven by the spring and
@@ -70,7 +70,7 @@ def integrated(half, drives, start, times, held=False):
     """
     forces = [(d.gain, d.function) for d in drives if not d.moves_base]
     bases = [(d.gain, d.function) for d in drives if d.moves_base]
-    found = {0.0, *times, *(t for d in drives for t in breaks(d.function, max(times)))}
+    found = {0.0, *times, *(t for d in drives for t in break_times(d.function, max(times)))}
     # Marks that differ by rounding are one, and what is asked for is asked for as it is.
     marks = [a for a in sorted(found) if a in times or not any(0 < b - a < 1e-12 for b in found)]
     state = np.concatenate(start)
@@ -115,10 +115,10 @@ def integrated(half, drives, start, times, held=False):
         values = [factor(function, finish)[0] for _, function in bases]
 
 
-def agrees(half, drives, times=TIMES, start=None, **options):
+def check_against_integration(half, drives, times=TIMES, start=None, **options):
     motion = ModalMotion(STIFFNESS, half, drives, **options)
     before = motion.start if start is None else start
-    for time, (q, v) in zip(times, integrated(half, drives, before, times), strict=True):
+    for time, (q, v) in zip(times, integrate(half, drives, before, times), strict=True):
         got = motion.at_time(time)
         scale = max(abs(q).max(), 1.0)
         np.testing.assert_allclose(got.position, q, atol=1e-9 * scale)
@@ -131,13 +131,15 @@ def agrees(half, drives, times=TIMES, start=None, **options):
 @pytest.mark.parametrize("damping", DAMPED)
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_response_to_one_force_equals_numerical_integration(function, damping):
-    agrees(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function])])
+    check_against_integration(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function])])
 
 
 @pytest.mark.parametrize("damping", DAMPED)
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_response_to_a_moving_base_equals_numerical_integration(function, damping):
-    agrees(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], True)], TIMES[1:])
+    check_against_integration(
+        DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], True)], TIMES[1:]
+    )
 
 
 def test_all_loads_from_a_given_state_superpose():
@@ -146,7 +148,7 @@ def test_all_loads_from_a_given_state_superpose():
         for k, function in enumerate(FUNCTIONS.values())
     ]
     given = {"position": 0.1 * GAIN, "rate": -GAIN}
-    agrees(DAMPING["ratio"], drives, TIMES[1:], **given)
+    check_against_integration(DAMPING["ratio"], drives, TIMES[1:], **given)
 
 
 @pytest.mark.parametrize("base", [False, True])
@@ -174,7 +176,7 @@ def test_equilibrium_is_at_rest_until_loads_change():
         state = motion.at_time(time)
         np.testing.assert_allclose(state.position, motion.start[0], atol=1e-14)
         np.testing.assert_allclose(state.rate, 0, atol=1e-13)
-    agrees(half, [weight, held], (0.5, 0.9, 2.0), equilibrium=True)
+    check_against_integration(half, [weight, held], (0.5, 0.9, 2.0), equilibrium=True)
     with pytest.raises(InputError, match="1 rigid modes are free to fall"):
         ModalMotion(STIFFNESS, half, [ModalLoad(GAIN, tf.step())], equilibrium=True)
 
@@ -185,7 +187,7 @@ def test_base_starts_smoothly_from_equilibrium():
     motion = ModalMotion(STIFFNESS, DAMPING["alpha"], [drive], equilibrium=True)
     absolute = GAIN * 1.0, np.zeros(5)
     times = (0.2, 0.9)
-    found = integrated(DAMPING["alpha"], [drive], absolute, times, held=True)
+    found = integrate(DAMPING["alpha"], [drive], absolute, times, held=True)
     for time, (q, v) in zip(times, found, strict=True):
         np.testing.assert_allclose(motion.at_time(time).position, q, atol=1e-9)
         np.testing.assert_allclose(motion.at_time(time).rate, v, atol=1e-8)

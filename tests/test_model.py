@@ -33,7 +33,7 @@ def model(divisions=(4, 4, 2), held=None, elasticity=STEEL, density=300.0, lumpe
     return Model(points, tetrahedra, elasticity, density, held, lumped)
 
 
-def nothing(points):
+def hold_nothing(points):
     return np.zeros(points.shape, bool)
 
 
@@ -50,7 +50,7 @@ def test_a_static_solution_equals_a_direct_one(thickness):
 
 
 def test_forces_on_a_free_body_are_balanced_by_inertia():
-    made = model(held=nothing)
+    made = model(held=hold_nothing)
     forces = np.random.default_rng(0).standard_normal((len(made.free), 2))
     rigid = made.rigid_modes
     assert rigid.shape[1] == 6
@@ -63,7 +63,7 @@ def test_forces_on_a_free_body_are_balanced_by_inertia():
 
 
 def test_gravity_on_a_free_body_strains_nothing():
-    made = model(held=nothing)
+    made = model(held=hold_nothing)
     gravity = made.mass @ np.tile([0.0, 0.0, -9.81], len(made.points))
     weight = np.random.default_rng(0).standard_normal(len(gravity)) * abs(gravity).max()
     assert abs(made.statics(gravity)[0]).max() <= 1e-12 * abs(made.statics(weight)[0]).max()
@@ -104,7 +104,11 @@ def test_modulus_and_density_only_scale():
 
 def test_another_support_or_ratio_reuses_the_assembly():
     first = model()
-    for other in (model(held=nothing), model(elasticity=isotropic(2e6, 0.2)), model(lumped=True)):
+    for other in (
+        model(held=hold_nothing),
+        model(elasticity=isotropic(2e6, 0.2)),
+        model(lumped=True),
+    ):
         assert other.pencil is not first.pencil
         assert other.pencil.assembly is first.pencil.assembly
     assert model((4, 4, 3)).pencil.assembly is not first.pencil.assembly
@@ -135,7 +139,7 @@ def test_arguments_are_checked():
         model().statics(np.zeros(5))[0]
 
 
-def thin(length, divisions=(5, 5, 1), held=None):
+def thin_sheet(length, divisions=(5, 5, 1), held=None):
     """Return a sheet of quadratic tetrahedra, half a millimetre thick, that hangs by +y."""
     points, cells = build_lattice((0, length, 0, length, 0, 5e-4), divisions)
     points, cells = add_midpoints(points, cells)
@@ -163,7 +167,7 @@ def in_long_double(matrix, right):
 @pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="no longer float than float64")
 @pytest.mark.parametrize(("length", "most"), [(0.125, (1e-9, 1e-5)), (0.5, (1e-6, 1e-3))])
 def test_very_thin_sheets_are_solved_within_the_estimated_rounding(length, most):
-    made = thin(length, (4, 3, 1))
+    made = thin_sheet(length, (4, 3, 1))
     free = made.free
     stiffness = made.pencil.full_stiffness[free][:, free].toarray()
     for axis, allowed in zip((0, 2), most, strict=True):
@@ -180,7 +184,7 @@ def test_very_thin_sheets_are_solved_within_the_estimated_rounding(length, most)
 
 
 def test_a_very_thin_sheet_bends_as_a_plate():
-    made = thin(0.5, (2, 12, 1))
+    made = thin_sheet(0.5, (2, 12, 1))
     points, density = made.points, 300.0
     force = np.zeros(len(made.free))
     force[2::3] = made.nodal_mass * 9.81
@@ -192,7 +196,7 @@ def test_a_very_thin_sheet_bends_as_a_plate():
 
 
 def test_thin_sheets_are_held_by_their_edges():
-    assert thin(1.0).rigid_modes.shape[1] == 0
+    assert thin_sheet(1.0).rigid_modes.shape[1] == 0
     points, cells = build_lattice((0, 1, 0, 1, 0, 1e-6), (10, 10, 1))
     edge = (points[:, 1] == 1)[:, None] & np.ones(3, bool)
     made = Model(points, cells, STEEL, 300.0, edge)
@@ -219,7 +223,7 @@ def test_rounding_is_small_where_the_sheet_is_thick():
 
 
 def test_a_free_very_thin_sheet_has_all_its_modes():
-    made = thin(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
+    made = thin_sheet(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
     piece = made.pencil.components[0]
     before = piece.shift
     values, shapes, _ = solve_modes(made.pencil, 20)
@@ -237,29 +241,29 @@ def test_a_free_very_thin_sheet_has_all_its_modes():
 
 def test_values_freed_with_a_stage_run_no_python() -> None:
     kept: WeakValues[set[int]] = WeakValues()
-    value, told = {1}, []
+    value, events = {1}, []
     kept["a"] = value
     assert kept.get("a") is value
-    sys.setprofile(lambda _frame, event, _argument: told.append(event))
+    sys.setprofile(lambda _frame, event, _argument: events.append(event))
     try:
         del value
     finally:
         sys.setprofile(None)
     # Within VTK's collector a "call" might hand Python's lock to a thread that waits for VTK's.
-    assert "call" not in told
+    assert "call" not in events
     assert "a" not in kept
     other = {2}
     kept["b"] = other
     assert list(kept.entries) == ["b"]
 
 
-def thinner(length, divisions=(5, 5, 1), held=True, thickness=3e-4):
+def clamped_sheet(length, divisions=(5, 5, 1), held=True, thickness=3e-4):
     points, cells = add_midpoints(*build_lattice((0, length, 0, length, 0, thickness), divisions))
     edge = np.repeat(points[:, 1:2] > length * (1 - 1e-9), 3, axis=1) & held
     return Model(points, cells, isotropic(1e6, 0.3), 300.0, edge)
 
 
-def known(model, modes, length):
+def leissa_factors(model, modes, length):
     """Eigenvalues as ω a² √(ρh/D)."""
     thickness = np.ptp(model.points[:, 2])
     plate = 1e6 * thickness**3 / (12 * (1 - 0.3**2))
@@ -281,9 +285,9 @@ def known(model, modes, length):
 def test_no_clamped_mode_of_a_very_thin_sheet_is_missing(monkeypatch, length, count, limit):
     """K alone holds none of the first from 0.5 m on: its own eigenvalue is rounding."""
     monkeypatch.setattr(eigen, "DENSE", limit)
-    made = thinner(length)
+    made = clamped_sheet(length)
     found = solve_modes(made.pencil, count)
-    first = known(made, found, length)
+    first = leissa_factors(made, found, length)
     # Leissa: 3.4917, 21.429; five cells along a side bend 3 % and 10 % too high, however thin.
     assert first[0] == pytest.approx(3.4917 * 1.028, rel=1e-3)
     if count > 1:
@@ -298,13 +302,13 @@ def test_no_clamped_mode_of_a_very_thin_sheet_is_missing(monkeypatch, length, co
 @pytest.mark.parametrize("limit", [10_000, 0], ids=["dense", "sparse"])
 def test_modes_lost_in_rounding_are_not_rigid(monkeypatch, limit):
     monkeypatch.setattr(eigen, "DENSE", limit)
-    found = solve_modes(thinner(500.0).pencil, 8)
+    found = solve_modes(clamped_sheet(500.0).pencil, 8)
     assert (found.eigenvalues > 0).all()
     assert found.rounding[0] == 1.0
     # The estimate is from above: where it says that one digit holds, one does.
-    made = thinner(20.0)
+    made = clamped_sheet(20.0)
     found = solve_modes(made.pencil, 8)
-    error = abs(known(made, found, 20.0)[:2] / (3.4917 * 1.028, 21.429 * 1.1025) - 1)
+    error = abs(leissa_factors(made, found, 20.0)[:2] / (3.4917 * 1.028, 21.429 * 1.1025) - 1)
     assert (error <= found.rounding[:2] + 1e-3).all()
     assert 0.1 < found.rounding[0] < 0.5
 

@@ -86,14 +86,14 @@ def test_inertia_does_not_depend_on_panels(panel, monkeypatch):
     A = (K - 60000.0 * M).tocsr()
     expected = (np.linalg.eigvalsh(A.toarray()) < 0).sum()
     assert expected > 2
-    analysis, told = Analysis(K, vertices), []
+    analysis, reported = Analysis(K, vertices), []
     monkeypatch.setattr(multifrontal, "PANEL", panel)
-    assert count_negative_eigenvalues(A, analysis, told.append) == expected
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx(1.0)
+    assert count_negative_eigenvalues(A, analysis, reported.append) == expected
+    assert reported == sorted(reported)
+    assert reported[-1] == pytest.approx(1.0)
     fronts = len(analysis.runs)
-    assert len(told) == sum(-(-(last - first) // panel) for first, last in analysis.runs)
-    assert len(told) > fronts
+    assert len(reported) == sum(-(-(last - first) // panel) for first, last in analysis.runs)
+    assert len(reported) > fronts
 
 
 def test_elimination_order_is_a_permutation():
@@ -131,10 +131,10 @@ def test_too_large_factors_are_refused_first(monkeypatch):
 def test_progress_can_cancel():
     K, _, vertices = pencil((8, 8, 8))
     analysis = Analysis(K, vertices)
-    seen = []
-    Cholesky(K, analysis, seen.append)
-    assert seen[-1] == 1.0
-    assert (np.diff(seen) >= 0).all()
+    reported = []
+    Cholesky(K, analysis, reported.append)
+    assert reported[-1] == 1.0
+    assert (np.diff(reported) >= 0).all()
 
     def stop(share):
         raise KeyboardInterrupt

@@ -36,7 +36,7 @@ EIGENVALUES = (
 PERIODS = (1e-6, 1e-3, 0.07, 0.09, 0.3, 1.0, 10.25, 100.0)
 
 
-def exact(eigenvalue, alpha, beta, time):
+def exact_kernels(eigenvalue, alpha, beta, time):
     """The seven responses to 80 digits, as the solution of the first-order system.
 
     The states are q, q̇, the load and its first two derivatives: a matrix exponential by scaling and
@@ -62,13 +62,13 @@ def exact(eigenvalue, alpha, beta, time):
         return [result[0, 0], result[1, 0], result[0, 1], result[1, 1], *result[0, 2:]]
 
 
-def oscillate(eigenvalues, alpha, beta, time) -> Kernels:
+def kernels_of(eigenvalues, alpha, beta, time) -> Kernels:
     """Return the responses of q̈ + (α + βλ) q̇ + λ q = w."""
     eigenvalues = np.array(eigenvalues)
     return compute_kernels(eigenvalues, (alpha + beta * eigenvalues) / 2, time)
 
 
-def worst(eigenvalue, alpha, beta, time):
+def largest_error(eigenvalue, alpha, beta, time):
     """Largest error of the seven responses, in their natural scales."""
     root = max(math.sqrt(eigenvalue), (alpha + beta * eigenvalue) / 2)
     short = time if root * time < 1 else 1 / root
@@ -83,7 +83,7 @@ def worst(eigenvalue, alpha, beta, time):
     with mp.workdps(80):
         errors = [
             abs(mp.mpf(g) - e)
-            for g, e in zip(got, exact(eigenvalue, alpha, beta, time), strict=True)
+            for g, e in zip(got, exact_kernels(eigenvalue, alpha, beta, time), strict=True)
         ]
         return max(float(e / s) if s else float(e) for e, s in zip(errors, scales, strict=True))
 
@@ -98,13 +98,13 @@ def test_kernels_of_any_damping_ratio_equal_mpmath(eigenvalue, ratio):
     times = {p * 2 * math.pi / omega for p in PERIODS} | {0.0, 1e-3, 1.0, 1e3}
     for time in times:
         if time <= 1e3:
-            assert worst(eigenvalue, alpha, beta, time) <= 1e-9, time
+            assert largest_error(eigenvalue, alpha, beta, time) <= 1e-9, time
 
 
 @pytest.mark.parametrize("alpha", [0.0, 1e-20, 1e-9, 0.3, 1e2, 1e6])
 def test_rigid_kernels_equal_mpmath(alpha):
     for time in (0.0, 1e-9, 1e-3, 0.7, 1.0, 37.0, 1e3):
-        assert worst(0.0, alpha, 5.0, time) <= 1e-9, time
+        assert largest_error(0.0, alpha, 5.0, time) <= 1e-9, time
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -117,7 +117,7 @@ def test_rigid_kernels_equal_mpmath(alpha):
 def test_kernels_of_any_oscillator_equal_mpmath(eigenvalue, alpha, beta, time):
     # The phase √λ t of an undamped oscillation is known to its last place, and no better.
     phase = math.sqrt(eigenvalue) * time
-    assert worst(eigenvalue, alpha, beta, time) <= 1e-9 + 4.5e-16 * phase
+    assert largest_error(eigenvalue, alpha, beta, time) <= 1e-9 + 4.5e-16 * phase
 
 
 @pytest.mark.parametrize("ratio", RATIOS)
@@ -127,7 +127,8 @@ def test_kernels_compose_over_two_spans(eigenvalue, ratio):
     period = 2 * math.pi / math.sqrt(eigenvalue)
     for first, second in ((0.3, 0.4), (3.7, 0.01), (1e-3, 20.2)):
         a, b, c = (
-            oscillate([eigenvalue], alpha, 0.0, p * period) for p in (first, second, first + second)
+            kernels_of([eigenvalue], alpha, 0.0, p * period)
+            for p in (first, second, first + second)
         )
         # From q(0) = 1, from q̇(0) = 1 and under a unit load: all three restarted at `first`.
         for q, rate, load, end in (
@@ -144,7 +145,7 @@ def test_kernels_compose_over_two_spans(eigenvalue, ratio):
 def test_undamped_kernels_conserve_energy(eigenvalue):
     period = 2 * math.pi / math.sqrt(eigenvalue)
     for periods in (0.1, 1.3, 100.7, 1e4, 1e4 + 0.37):
-        r = oscillate([eigenvalue], 0.0, 0.0, periods * period)
+        r = kernels_of([eigenvalue], 0.0, 0.0, periods * period)
         for q, rate, energy in (
             (r.free, r.free_rate, eigenvalue),
             (r.impulse, r.impulse_rate, 1.0),
@@ -155,17 +156,17 @@ def test_undamped_kernels_conserve_energy(eigenvalue):
 
 def test_kernels_of_mixed_modes_equal_single_ones():
     eigenvalues = np.array([0.0, 1e-20, 4.0, 4.0001, 3.9999, 1e8])
-    together = oscillate(eigenvalues, 4.0, 0.0, 0.7)
+    together = kernels_of(eigenvalues, 4.0, 0.0, 0.7)
     for k, eigenvalue in enumerate(eigenvalues):
-        alone = oscillate([eigenvalue], 4.0, 0.0, 0.7)
+        alone = kernels_of([eigenvalue], 4.0, 0.0, 0.7)
         np.testing.assert_allclose([x[k] for x in together], np.ravel(alone), rtol=1e-15)
 
 
 def test_kernels_have_their_limits_at_zero_and_infinity():
     eigenvalues = [0.0, 1.0, 1e4, 1e8]
-    start = oscillate(eigenvalues, 0.5, 1e-3, 0.0)
+    start = kernels_of(eigenvalues, 0.5, 1e-3, 0.0)
     np.testing.assert_array_equal(np.array(start), np.outer([1, 0, 0, 1, 0, 0, 0], np.ones(4)))
-    end = oscillate(eigenvalues[1:], 0.5, 1e-3, 1e3)
+    end = kernels_of(eigenvalues[1:], 0.5, 1e-3, 1e3)
     np.testing.assert_allclose(end.step, 1 / np.array(eigenvalues[1:]), rtol=1e-12)
     np.testing.assert_allclose([end.free, end.impulse_rate], 0, atol=1e-12)
 
@@ -203,7 +204,7 @@ def test_response_of_a_mesh_equals_the_matrix_exponential(fixed, alpha, beta):
     system[n : 2 * n] = la.solve(M, np.c_[-K, -(alpha * M + beta * K), force], assume_a="pos")
     for time in (1e-3, 0.2, 3.0):
         state = la.expm(time * system) @ np.r_[u, v, 1.0]
-        r = oscillate(eigenvalues, alpha, beta, time)
+        r = kernels_of(eigenvalues, alpha, beta, time)
         q, rate, load = S.T @ M @ u, S.T @ M @ v, S.T @ force
         end = S @ (r.free * q + r.impulse * rate + r.step * load)
         end_rate = S @ (r.free_rate * q + r.impulse_rate * rate + r.impulse * load)
@@ -222,9 +223,9 @@ def test_invalid_oscillators_are_refused(name, value):
 
 def test_kernels_accept_many_times():
     eigenvalues, times = np.array([0.0, 1.0, 30.0]), np.array([[0.0], [0.1], [2.0]])
-    together = oscillate(eigenvalues, 3.0, 0.0, times)
+    together = kernels_of(eigenvalues, 3.0, 0.0, times)
     for k, time in enumerate(times[:, 0]):
-        alone = oscillate(eigenvalues, 3.0, 0.0, time)
+        alone = kernels_of(eigenvalues, 3.0, 0.0, time)
         np.testing.assert_array_equal([x[k] for x in together], alone)
 
 
@@ -234,7 +235,7 @@ def test_kernels_equal_equation_20():
     mu = (alpha + beta * eigenvalue) / 2
     omega = math.sqrt(eigenvalue - mu * mu)
     sine, cosine = math.sin(omega * time), math.cos(omega * time)
-    r = oscillate([eigenvalue], alpha, beta, time)
+    r = kernels_of([eigenvalue], alpha, beta, time)
     decay = math.exp(-mu * time)
     assert r.free[0] == pytest.approx(decay * (cosine + mu / omega * sine), rel=1e-12)
     assert r.impulse[0] == pytest.approx(decay * sine / omega, rel=1e-12)

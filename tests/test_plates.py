@@ -51,7 +51,7 @@ def test_plate_without_thickness_is_refused():
         homogeneous_plate(isotropic(E, NU), 0.0)
 
 
-def pulled(stiffness, angle):
+def stiffness_along(stiffness, angle):
     """Return what a sheet held in all its width resists along a direction, from x to y."""
     c, s = np.cos(angle), np.sin(angle)
     strain = np.array([c * c, s * s, 2 * c * s])
@@ -142,7 +142,7 @@ def test_stiffness_beyond_double_precision_is_refused(key, measures):
 def test_measured_fabric_reproduces_its_measurements(name):
     fabric = FABRICS[name]
     sheet, (along, askew, across) = fabric.sheet, fabric.bending
-    found = [pulled(sheet.bending, angle) for angle in (0, np.pi / 4, np.pi / 2)]
+    found = [stiffness_along(sheet.bending, angle) for angle in (0, np.pi / 4, np.pi / 2)]
     assert found == pytest.approx([along, askew, across], rel=1e-12)
     np.linalg.cholesky(sheet.bending)
     # it stretches as the solid that it is made into for tetrahedra does

@@ -35,7 +35,7 @@ def sheet(fixed=True, divisions=(8, 8, 2)):
     return Model(points, cells, isotropic(1e4, 0.3), 300.0, held)
 
 
-def solved(model, count):
+def solve_model(model, count):
     eigenvalues, shapes, _ = solve_modes(model.pencil, count)
     eigenvalues = eigenvalues * model.modulus / model.density
     return eigenvalues, shapes.reshape(len(shapes), -1) / math.sqrt(model.density)
@@ -70,7 +70,7 @@ def test_abaqus_benchmark_1_4_14():
 @pytest.mark.parametrize("count", [1, 5, 30])
 def test_residual_vectors_make_the_static_response_exact(count):
     model = sheet()
-    eigenvalues, shapes = solved(model, count)
+    eigenvalues, shapes = solve_model(model, count)
     rng = np.random.default_rng(0)
     patterns = [loads.acceleration_forces(model.nodal_mass, a) for a in np.eye(3)]
     patterns += [rng.standard_normal(model.points.shape)]
@@ -93,7 +93,7 @@ def test_without_residual_vectors_few_modes_miss_the_sag_under_in_plane_gravity(
     model = sheet(divisions=(20, 20, 4))
     force = loads.acceleration_forces(model.nodal_mass, [0, -9.81, 0]).ravel() * model.free
     static = model.statics(force)[0]
-    eigenvalues, shapes = solved(model, 30)
+    eigenvalues, shapes = solve_model(model, 30)
     missed = []
     for count in (5, 30):
         kept = shapes[:count]
@@ -105,7 +105,7 @@ def test_without_residual_vectors_few_modes_miss_the_sag_under_in_plane_gravity(
 
 def test_all_modes_need_no_residual_vectors():
     model = sheet(divisions=(3, 3, 1))
-    eigenvalues, shapes = solved(model, int(model.free.sum()))
+    eigenvalues, shapes = solve_model(model, int(model.free.sum()))
     force = np.stack(
         [loads.acceleration_forces(model.nodal_mass, a).ravel() * model.free for a in np.eye(3)],
         axis=1,
@@ -152,7 +152,7 @@ def test_pressure_forces_sum_to_the_area(quadratic):
     np.testing.assert_allclose(shear.sum(axis=0), [2.0, 4.0, 6.0])
 
 
-def with_middles(points, cells):
+def with_midpoints(points, cells):
     edges = cells[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]
     unique, which = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
     middles = points[unique].mean(axis=1)
@@ -204,7 +204,7 @@ def test_largest_rotation_is_half_the_curl():
 
 def test_residual_vectors_of_a_free_body_contain_no_rigid_motion():
     model = sheet(fixed=False)
-    eigenvalues, shapes = solved(model, 10)
+    eigenvalues, shapes = solve_model(model, 10)
     assert (eigenvalues[:6] == 0).all()
     np.testing.assert_allclose(model.movable_mass, 300 * 0.05, rtol=1e-12)
     force = np.zeros_like(model.points)

@@ -18,7 +18,7 @@ from spacemap_vtk.scenes.scene import Scene
 E, RHO, SIDE, THICK = 1e6, 300.0, 0.1, 3e-4
 
 
-def solved(model, count):
+def solve_with_errors(model, count):
     """Return ω of the modes of a sheet and the error that is estimated of each."""
     found = model.modes(count)
     values = found.eigenvalues * model.modulus / model.density
@@ -35,7 +35,7 @@ def test_the_error_of_a_simply_supported_plates_modes_is_estimated(cells):
         edge = np.isin(points[:, axis], [points[:, axis].min(), points[:, axis].max()])
         held[np.ix_(edge, [1 - axis, 2])] = True
     model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.3), THICK), RHO, held)
-    found, estimated = solved(model, 8)
+    found, estimated = solve_with_errors(model, 8)
     m, n = np.mgrid[1:9, 1:9]
     rate = math.pi**2 * math.sqrt(E * THICK**2 / 12 / (1 - 0.3**2) / RHO) / SIDE**2
     exact = np.sort((m**2 + n**2).ravel())[:8] * rate
@@ -51,7 +51,7 @@ def test_the_error_of_a_cantilevers_modes_is_estimated():
         points, tetrahedra = build_lattice((0, SIDE, 0, SIDE, 0, THICK), (cells, cells, 1))
         held = np.repeat(points[:, 1:2] == 0, 3, axis=1)
         model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.3), THICK), RHO, held)
-        found, errors = solved(model, 24)
+        found, errors = solve_with_errors(model, 24)
         frequencies.append(found)
         estimated.append(errors)
     true = frequencies[0] / frequencies[1] - 1
@@ -67,7 +67,7 @@ def test_axial_modes_are_resolved_better_than_bending_modes():
     points, tetrahedra = build_lattice((0, 1.0, 0, 0.05, 0, 1e-3), (20, 1, 1))
     held = np.tile([False, True, True], (len(points), 1)) | (points[:, :1] == 0)
     model = Model(points, tetrahedra, homogeneous_plate(isotropic(E, 0.0), 1e-3), RHO, held)
-    found, estimated = solved(model, 8)
+    found, estimated = solve_with_errors(model, 8)
     exact = (2 * np.arange(1, 9) - 1) * math.pi / 2 * math.sqrt(E / RHO)
     true = found / exact - 1
     assert 1e-4 < true[0] < 1e-3 < 0.05 < true[-1]
@@ -92,5 +92,5 @@ def test_unresolved_modes_are_reported(modes, warned):
     scene.set("modal.bending_rigidity=0.001 uN.m")
     scene.set(f"modal.modes={modes}")
     report.report_modes(scene)
-    told = [text for text in scene.warnings if "not resolved by the cage's cells" in text]
-    assert [text.split(" are")[0] for text in told] == ["modes 7 to 20"] * warned
+    texts = [text for text in scene.warnings if "not resolved by the cage's cells" in text]
+    assert [text.split(" are")[0] for text in texts] == ["modes 7 to 20"] * warned

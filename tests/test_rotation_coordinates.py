@@ -252,7 +252,7 @@ def test_rotation_beyond_the_trusted_angle_is_reported() -> None:
             swing.response.output, swing.at(100.0)["linear_displacement"]
         )[0]
     )
-    for degrees, stage, told in (
+    for degrees, stage, expected in (
         (30, swing.rotation, None),
         (30, swing.response, r"turns by more than 20 degrees.*RotationStrain"),
         (40, swing.rotation, beyond),
@@ -263,8 +263,8 @@ def test_rotation_beyond_the_trusted_angle_is_reported() -> None:
             warnings.simplefilter("always", SpacemapWarning)
             stage.update(100.0 if stage is swing.rotation else 101.0)
         texts = [str(w.message) for w in found if "turns by" in str(w.message)]
-        assert bool(texts) == bool(told)
-        assert told is None or re.search(told, texts[0])
+        assert bool(texts) == bool(expected)
+        assert expected is None or re.search(expected, texts[0])
 
 
 def test_rigid_rotation_of_a_free_cage_is_trusted() -> None:
@@ -282,9 +282,9 @@ def test_rigid_rotation_of_a_free_cage_is_trusted() -> None:
 
 def test_only_the_unrebuilt_motion_warns_of_rotation() -> None:
     swing = Swing()
-    with pytest.warns(SpacemapWarning) as told:
+    with pytest.warns(SpacemapWarning) as caught:
         swing.rotation.update(0.4)
-    assert not [w for w in told if "linear m" in str(w.message)]
+    assert not [w for w in caught if "linear m" in str(w.message)]
     with pytest.warns(SpacemapWarning, match="turns by .*linear motion is not reliable"):
         swing.response.update(0.41)
 

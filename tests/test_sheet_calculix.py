@@ -68,7 +68,7 @@ def calculix(
     return points, moved, np.array([float(row[1]) for row in rows[:COUNT]])
 
 
-def ours(
+def solve_sheet(
     size: tuple[float, float, float],
     divisions: tuple[int, int],
     material: tuple[float, float, float],
@@ -109,7 +109,7 @@ def test_equilibrium_and_frequencies_equal_those_of_calculix(name: str, tmp_path
     assert np.linalg.norm(end) > (0.5 * size[0] if "curtain" not in name else 0.0)
     errors = []
     for finer in (1, 2):
-        points, moved, ours_ = ours(size, (finer * along, finer * across), material, gravity)
+        points, moved, ours_ = solve_sheet(size, (finer * along, finer * across), material, gravity)
         place = moved[points[:, 0] == size[0]].mean(axis=0)
         errors.append([*abs(place - end) / np.linalg.norm(end), *abs(ours_ / frequencies - 1)])
     first, second = np.max(errors, axis=1)

@@ -33,7 +33,7 @@ E, NU, RHO = 1e6, 0.3, 300.0
 STUFF, BEAM = isotropic(E, NU), isotropic(E, 0.0)
 
 
-def found(points: FloatArray, cells: IntArray) -> MidSurface:
+def mid_surface_of(points: FloatArray, cells: IntArray) -> MidSurface:
     surface = find_mid_surface(points, cells)
     assert surface is not None
     return surface
@@ -58,7 +58,7 @@ def test_a_lattice_of_one_layer_is_a_sheet_across_any_axis(normal):
         np.roll([[0, 4], [1, 3], [0, 0.1]], normal + 1, 0),
     )
     points, cells = build_lattice(bounds.ravel(), divisions)
-    surface = found(points, cells)
+    surface = mid_surface_of(points, cells)
     assert surface.normal == normal
     assert surface.pairs.shape == (20, 2)
     assert surface.quads.shape == (12, 4)
@@ -76,7 +76,7 @@ def test_a_lattice_of_one_layer_is_a_sheet_across_any_axis(normal):
 
 def test_a_carved_lattice_is_a_sheet_with_holes():
     points, cells = carved(0.05)
-    surface = found(points, cells)
+    surface = mid_surface_of(points, cells)
     assert 20 < len(surface.quads) == len(cells) // 5 < 81
     assert surface.normal == 2
     np.testing.assert_allclose(surface.thickness(points), 0.05, rtol=1e-6)
@@ -84,7 +84,7 @@ def test_a_carved_lattice_is_a_sheet_with_holes():
 
 def test_sheet_lies_across_the_thinner_of_two_axes():
     for bounds, normal in (((0, 5, 0, 0.2, 0, 0.1), 2), ((0, 5, 0, 0.1, 0, 0.2), 1)):
-        assert found(*build_lattice(bounds, (5, 1, 1))).normal == normal
+        assert mid_surface_of(*build_lattice(bounds, (5, 1, 1))).normal == normal
 
 
 def test_other_meshes_are_not_sheets():
@@ -109,21 +109,21 @@ def clamped(points: FloatArray) -> NDArray[np.bool_]:
     return np.repeat(points[:, 1:2] < points[:, 1].min() + 1e-9 * np.ptp(points[:, 1]), 3, axis=1)
 
 
-def square(side: float, thickness: float, cells: int, free: bool = False) -> Model:
+def square_sheet(side: float, thickness: float, cells: int, free: bool = False) -> Model:
     """Return a square sheet across z, a cantilever unless it is free."""
     points, tetrahedra = build_lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
     held = clamped(points) & (not free)
     return Model(points, tetrahedra, homogeneous_plate(STUFF, thickness), RHO, held)
 
 
-def rates(model: Model, count: int) -> FloatArray:
+def angular_frequencies(model: Model, count: int) -> FloatArray:
     """Return ω of the lowest modes."""
     return np.sqrt(model.modes(count).eigenvalues * model.modulus / RHO)
 
 
-def leissa(model: Model, side: float, thickness: float, count: int) -> FloatArray:
+def leissa_factors(model: Model, side: float, thickness: float, count: int) -> FloatArray:
     """Return ω a² √(ρh/D) of the lowest modes."""
-    rigidity, rate = E * thickness**3 / 12 / (1 - NU**2), rates(model, count)
+    rigidity, rate = E * thickness**3 / 12 / (1 - NU**2), angular_frequencies(model, count)
     return rate * side**2 * math.sqrt(RHO * thickness / rigidity)
 
 
@@ -136,7 +136,7 @@ def leissa(model: Model, side: float, thickness: float, count: int) -> FloatArra
     ],
 )
 def test_square_cantilever_has_leissas_frequencies(cells, expected, most):
-    values = leissa(square(0.1, 3e-4, cells), 0.1, 3e-4, 6)
+    values = leissa_factors(square_sheet(0.1, 3e-4, cells), 0.1, 3e-4, 6)
     # an independent trial's, to all of its digits
     trial = expected.split()
     assert [f"{v:.{len(e.split('.')[1])}f}" for v, e in zip(values, trial, strict=False)] == trial
@@ -147,7 +147,7 @@ def test_square_cantilever_has_leissas_frequencies(cells, expected, most):
 
 def test_free_square_has_leissas_frequencies():
     """Six rigid modes, and those of a plate of which no side is held."""
-    values = leissa(square(0.1, 3e-4, 20, free=True), 0.1, 3e-4, 11)
+    values = leissa_factors(square_sheet(0.1, 3e-4, 20, free=True), 0.1, 3e-4, 11)
     assert not values[:6].any()
     np.testing.assert_allclose(values[6:9], [13.468, 19.596, 24.270], rtol=0.005)
     np.testing.assert_allclose(values[9:], 34.801, rtol=0.005)
@@ -157,7 +157,7 @@ def test_frequencies_scale_with_any_thickness():
     """What is as wide in thicknesses vibrates alike, free or held."""
     for free in (False, True):
         sizes = [1e-6, 3e-4, 0.1]
-        values = [leissa(square(333 * h, h, 10, free), 333 * h, h, 12) for h in sizes]
+        values = [leissa_factors(square_sheet(333 * h, h, 10, free), 333 * h, h, 12) for h in sizes]
         np.testing.assert_allclose(values[1:], values[:1] * 2, rtol=1e-9)
 
 
@@ -167,7 +167,7 @@ def test_frequencies_scale_with_any_thickness():
 )
 def test_no_digit_is_lost_in_sheets_a_million_times_wider_than_thick(free, cells):
     """And as many modes are rigid as the supports leave: six of a free sheet."""
-    found = [square(ratio, 1.0, cells, free).modes(12) for ratio in (1e4, 1e6, 3e7)]
+    found = [square_sheet(ratio, 1.0, cells, free).modes(12) for ratio in (1e4, 1e6, 3e7)]
     # bending's grow as 1/a⁴
     wide, wider, widest = (
         modes.eigenvalues * ratio**4 for modes, ratio in zip(found, (1.0, 1e2, 3e3), strict=True)
@@ -181,7 +181,7 @@ def test_no_digit_is_lost_in_sheets_a_million_times_wider_than_thick(free, cells
 
 @pytest.mark.parametrize("way", ["x", "y", "askew"])
 def test_a_sheet_across_any_direction(way):
-    expected = leissa(square(0.1, 3e-4, 8), 0.1, 3e-4, 8)
+    expected = leissa_factors(square_sheet(0.1, 3e-4, 8), 0.1, 3e-4, 8)
     points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 3e-4), (8, 8, 1))
     axis = np.array([0.48, 0.6, 0.64])
     turn = {
@@ -191,10 +191,10 @@ def test_a_sheet_across_any_direction(way):
     }[way]
     held = clamped(points)
     points = points @ turn + [1.0, -2.0, 3.0]
-    normal = found(points, cells).normal
+    normal = mid_surface_of(points, cells).normal
     assert normal == {"x": 0, "y": 1}.get(way, normal)
     model = Model(points, cells, homogeneous_plate(STUFF, 3e-4, normal), RHO, held)
-    np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 8), expected, rtol=1e-7)
+    np.testing.assert_allclose(leissa_factors(model, 0.1, 3e-4, 8), expected, rtol=1e-7)
 
 
 def jittered(points: FloatArray, inner: NDArray[np.bool_], share: float) -> FloatArray:
@@ -210,8 +210,8 @@ def test_distorted_quadrilaterals_have_the_same_frequencies():
     inner = ((points[:, :2] > 1e-9) & (points[:, :2] < 0.1 - 1e-9)).all(axis=1)
     distorted = jittered(points, inner, 0.003)
     model = Model(distorted, cells, homogeneous_plate(STUFF, 3e-4), RHO, clamped(points))
-    even = leissa(square(0.1, 3e-4, 10), 0.1, 3e-4, 6)
-    np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 6), even, rtol=0.015)
+    even = leissa_factors(square_sheet(0.1, 3e-4, 10), 0.1, 3e-4, 6)
+    np.testing.assert_allclose(leissa_factors(model, 0.1, 3e-4, 6), even, rtol=0.015)
 
 
 def meshes(thickness: float) -> dict[str, tuple[FloatArray, IntArray]]:
@@ -247,7 +247,7 @@ def test_a_constant_strain_or_curvature_is_found_from_the_rim(mesh, name):
     """
     thickness = 0.01
     points, cells = meshes(thickness)[mesh]
-    surface = found(points, cells)
+    surface = mid_surface_of(points, cells)
     count, plate = len(surface.pairs), homogeneous_plate(STUFF, thickness)
     strains, rest = sheet_strains(points, surface, plate), surface.to_nodes(points)
     x, y = rest[:count, 0], rest[:count, 1]
@@ -308,7 +308,7 @@ def test_simply_supported_plates_have_closed_form_frequencies(elasticity):
     for cells in (10, 20):
         points, tetrahedra = build_lattice((0, a, 0, b, 0, thickness), (cells * 3 // 2, cells, 1))
         model = Model(points, tetrahedra, plate, RHO, hard_supports(points))
-        errors.append(rates(model, 5) / exact - 1)
+        errors.append(angular_frequencies(model, 5) / exact - 1)
     assert errors[1].max() < 0.015
     assert abs(errors[1][0]) < 0.003
     np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.1)
@@ -345,7 +345,7 @@ def test_thick_plate_has_mindlins_frequencies():
     for cells in (10, 20):
         points, tetrahedra = build_lattice((0, side, 0, side, 0, thickness), (cells, cells, 1))
         model = Model(points, tetrahedra, plate, RHO, hard_supports(points))
-        squares.append(rates(model, 1)[0] ** 2)
+        squares.append(angular_frequencies(model, 1)[0] ** 2)
     rigidity, shear = E * thickness**3 / 12 / (1 - NU**2), 5 / 6 * E / 2 / (1 + NU) * thickness
     bending = rigidity * wave**2
     inertia, mass = RHO * thickness**3 / 12, RHO * thickness
@@ -385,7 +385,7 @@ def test_an_edge_held_by_its_lower_vertices_is_a_hinge():
     turned /= turned[-1, 2]
     np.testing.assert_allclose(turned[:, 2], points[:, 0], atol=1e-12)
     np.testing.assert_allclose(turned[:, 0], -points[:, 2], atol=1e-12)
-    values = rates(model, 4)
+    values = angular_frequencies(model, 4)
     assert (values == 0).sum() == 1
     bending = math.sqrt(E * thickness**2 / 12 / RHO)
     exact = bending * np.array([3.926602, 7.068583, 10.210176]) ** 2 / length**2
@@ -499,7 +499,7 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     waves, curved = (x / length) ** powers, powers * (powers - 1) * (x / length) ** (powers - 2)
     bends = (curved * weight * rigidity) @ curved.T / length**4
     rate = la.eigh(bends, (waves * weight * line) @ waves.T, eigvals_only=True)[0] ** 0.5
-    assert rates(model, 1)[0] == pytest.approx(rate, rel=3e-3)
+    assert angular_frequencies(model, 1)[0] == pytest.approx(rate, rel=3e-3)
     # pulled along it, and what is told of its stress
     pushed = pushed[:, [2, 1, 0]] * 100
     _, stress = model.strain_and_stress(model.statics(pushed.ravel())[0].reshape(-1, 3))
@@ -536,4 +536,4 @@ def test_lumped_mass_brings_the_same_frequencies():
     points, cells = build_lattice((0, 0.1, 0, 0.1, 0, 3e-4), (20, 20, 1))
     model = Model(points, cells, homogeneous_plate(STUFF, 3e-4), RHO, clamped(points), True)
     exact = np.array([3.4917, 8.5246, 21.429, 27.331, 31.111])
-    np.testing.assert_allclose(leissa(model, 0.1, 3e-4, 5), exact, rtol=0.02)
+    np.testing.assert_allclose(leissa_factors(model, 0.1, 3e-4, 5), exact, rtol=0.02)

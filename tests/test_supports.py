@@ -22,48 +22,54 @@ from spacemap_vtk.mechanics.boundary.supports import (
 POINTS = build_lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
 
 
-def held(*supports, masks=None):
+def held_by(*supports, masks=None):
     return held_components(POINTS, supports, masks)
 
 
-def whole(where):
+def all_components(where):
     return np.repeat(where[:, None], 3, axis=1)
 
 
 def test_sides_hold_their_vertices():
     for axis, name in enumerate("xyz"):
         for sign, wall in (("-", 0.0), ("+", axis + 1.0)):
-            np.testing.assert_array_equal(held(sign + name), whole(POINTS[:, axis] == wall))
+            np.testing.assert_array_equal(
+                held_by(sign + name), all_components(POINTS[:, axis] == wall)
+            )
 
 
 def test_several_supports_hold_their_components():
     expected = np.zeros((27, 3), bool)
     expected[POINTS[:, 1] == 2] = True
     expected[np.ix_(POINTS[:, 0] == 0, [1, 2])] = True
-    np.testing.assert_array_equal(held("+y", "-x:yz"), expected)
-    np.testing.assert_array_equal(held("+y -x:yz"), expected)
-    np.testing.assert_array_equal(held("-x:z,+y;-x:y"), expected)
+    np.testing.assert_array_equal(held_by("+y", "-x:yz"), expected)
+    np.testing.assert_array_equal(held_by("+y -x:yz"), expected)
+    np.testing.assert_array_equal(held_by("-x:z,+y;-x:y"), expected)
 
 
 def test_box_sphere_and_mask_hold_their_vertices():
     inside = ((POINTS >= [0, 0, 1.5]) & (POINTS <= [0.5, 1, 3])).all(axis=1)
-    np.testing.assert_array_equal(held("box(-inf, 500 mm, 0, 1 m, 150cm, inf)"), whole(inside))
+    np.testing.assert_array_equal(
+        held_by("box(-inf, 500 mm, 0, 1 m, 150cm, inf)"), all_components(inside)
+    )
     near = np.linalg.norm(POINTS - [1, 2, 3], axis=1) <= 1.0
-    np.testing.assert_array_equal(held("sphere(1, 2, 3, 1)"), whole(near))
+    np.testing.assert_array_equal(held_by("sphere(1, 2, 3, 1)"), all_components(near))
     mask = np.arange(27) % 5
-    np.testing.assert_array_equal(held("mask(glue)", masks={"glue": mask}.get), whole(mask != 0))
+    np.testing.assert_array_equal(
+        held_by("mask(glue)", masks={"glue": mask}.get), all_components(mask != 0)
+    )
     three = np.arange(81).reshape(27, 3) % 2
     np.testing.assert_array_equal(
-        held("mask(two words):xz", masks={"two words": three}.get),
+        held_by("mask(two words):xz", masks={"two words": three}.get),
         (three != 0) & [True, False, True],
     )
-    assert not held().any()
+    assert not held_by().any()
 
 
 def test_scaled_cage_has_the_same_supports():
     for scale in (1e-6, 1e3):
         scaled = held_components(POINTS * scale, ["+y", f"sphere(0, 0, 0, {scale})"])
-        np.testing.assert_array_equal(scaled, held("+y", "sphere(0, 0, 0, 1)"))
+        np.testing.assert_array_equal(scaled, held_by("+y", "sphere(0, 0, 0, 1)"))
 
 
 @pytest.mark.parametrize(
@@ -91,15 +97,15 @@ def test_support_without_vertices_is_refused():
     with pytest.raises(
         InputError, match=r'"sphere\(9, 9, 9, 1\)" contains no vertex.*\(1, 2, 3\) m'
     ):
-        held("+y", "sphere(9, 9, 9, 1)")
+        held_by("+y", "sphere(9, 9, 9, 1)")
     with pytest.raises(InputError, match="contains no vertex"):
-        held("mask(none)", masks=lambda name: np.zeros(27))
+        held_by("mask(none)", masks=lambda name: np.zeros(27))
 
 
 def test_fully_held_cage_is_refused():
     with pytest.raises(InputError, match="all vertices"):
-        held("box(-inf, inf, -inf, inf, -inf, inf)")
-    assert held("box(-inf, inf, -inf, inf, -inf, inf):xy")[:, :2].all()
+        held_by("box(-inf, inf, -inf, inf, -inf, inf)")
+    assert held_by("box(-inf, inf, -inf, inf, -inf, inf):xy")[:, :2].all()
 
 
 def test_the_parameter_is_canonical():
@@ -114,7 +120,7 @@ def test_the_parameter_is_canonical():
     assert solver.fixed == ()
 
 
-def solved(**settings):
+def solve_cage(**settings):
     cage = TetraCage(divisions=(3, 3, 1))
     weave = WeaveSource(ends=3, picks=3)
     cage.SetInputConnection(weave.GetOutputPort())
@@ -130,7 +136,7 @@ def solved(**settings):
 
 
 def test_smooth_table_leaves_three_rigid_modes():
-    eigenvalues, arrays = solved(fixed="-z:z")
+    eigenvalues, arrays = solve_cage(fixed="-z:z")
     assert (eigenvalues == 0).sum() == 3
     assert eigenvalues[3] > 0
     bottom = arrays["fixed"] != 0
@@ -141,7 +147,7 @@ def test_smooth_table_leaves_three_rigid_modes():
 
 
 def test_nothing_fixed_gives_six_rigid_modes():
-    eigenvalues, arrays = solved(fixed="")
+    eigenvalues, arrays = solve_cage(fixed="")
     assert (eigenvalues == 0).sum() == 6
     assert not arrays["fixed"].any()
 
@@ -168,7 +174,7 @@ def test_mask_is_read_from_the_cage():
 # --- directions and rigid bodies ------------------------------------------------------------------
 
 
-def left_by_constraints(points, held, normals, bodies):
+def projection_of_constraints(points, held, normals, bodies):
     """What constraints leave, as a projection: I - C⁺C of the dense constraints C u = 0."""
     size = points.size
     rows = [np.eye(size)[held.ravel()]]
@@ -207,7 +213,7 @@ def test_free_motions_satisfy_all_constraints(fixed, rigid):
     normals, bodies = held_directions(POINTS, fixed), rigid_bodies(POINTS, rigid)
     made = free_motions(POINTS, where, normals, bodies).toarray()
     np.testing.assert_allclose(made.T @ made, np.eye(made.shape[1]), atol=1e-13)
-    dense = left_by_constraints(
+    dense = projection_of_constraints(
         POINTS,
         where,
         np.zeros((27, 3, 3)) if normals is None else normals,
@@ -217,7 +223,7 @@ def test_free_motions_satisfy_all_constraints(fixed, rigid):
 
 
 def test_plain_supports_leave_unit_vectors():
-    where = held("+y", "-x:yz")
+    where = held_by("+y", "-x:yz")
     made = free_motions(POINTS, where)
     np.testing.assert_array_equal(made.indices, np.flatnonzero(~where.ravel()))
     assert (made.data == 1).all()
@@ -263,8 +269,8 @@ def test_side_that_lets_the_cage_turn_is_reported():
         solver.SetInputDataObject(0, turned)
         values = vtk_to_numpy(solver.update().output.GetFieldData().GetArray("eigenvalues"))
         assert (values < 1e-6 * values[-1]).sum() == rigid
-        told = [text for text in solver.warnings if 'side "-x"' in text]
-        assert len(told) == (rigid > 0)
+        warned = [text for text in solver.warnings if 'side "-x"' in text]
+        assert len(warned) == (rigid > 0)
         # Two sides that are held do it together.
         solver.configure(fixed="-x +x +y", modes=1)
         assert not [text for text in solver.update().warnings if "side" in text]

@@ -178,7 +178,7 @@ def test_stopped_run_continues() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "said"),
+    ("values", "message"),
     [
         (
             {"loads": [{"gravity": [0, 0, 1], "time": "harmonic", "frequency": 3, "steady": True}]},
@@ -191,8 +191,8 @@ def test_stopped_run_continues() -> None:
         ),
     ],
 )
-def test_unsupported_parameters_are_refused(values: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_unsupported_parameters_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         chain(TransientResponse(**values), modes=6).update()
 
 

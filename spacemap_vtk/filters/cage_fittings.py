@@ -62,7 +62,7 @@ class Supports(Places):
     """Places that are held."""
 
     kind = "supports"
-    form = f"{ALLOWED}, {_COMPONENTS.format('to hold')}{_SEVERAL}"
+    expected = f"{ALLOWED}, {_COMPONENTS.format('to hold')}{_SEVERAL}"
 
 
 class RigidPlaces(Places):
@@ -76,7 +76,7 @@ class Springs(Places):
     """Places with a stiffness."""
 
     what, units = "spring", SPRING_UNITS
-    form = (
+    expected = (
         f"{ALLOWED}, {_COMPONENTS.format('along which it acts')}, and a stiffness in N/m, or for a "
         f'side in N/m3, as in "-z:z 1e5 N/m3"{_SEVERAL}'
     )
