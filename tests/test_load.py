@@ -70,7 +70,7 @@ def test_table_is_read_from_a_file(text: str, tmp_path: Path) -> None:
     for found, wanted in zip(load.function, expected, strict=True):
         np.testing.assert_array_equal(found, wanted)
     # what is written again reads the same file
-    again = ModalResponse(loads=ModalResponse.loads.show((load,)))
+    again = ModalResponse(loads=ModalResponse.loads.format((load,)))
     assert again.loads == (load,)
     (tmp_path / "gust.csv").write_text("0 0\n0.2 2\n")
     again.loads = [{"pressure": 2, "on": "+z", "time": "table", "file": load.file}]
@@ -98,7 +98,7 @@ def test_file_without_a_table_is_refused(text: str, message: str, tmp_path: Path
 
 def test_loads_are_the_same_as_text_and_as_tables() -> None:
     first, second = ModalResponse(loads=EVERY_LOAD), ModalResponse()
-    second.loads = ModalResponse.loads.show(first.loads)  # type: ignore[assignment]
+    second.loads = ModalResponse.loads.format(first.loads)  # type: ignore[assignment]
     assert first.loads == second.loads
     with pytest.raises(InputError, match="cannot be changed"):
         first.loads[0].pressure = 3.0

@@ -136,6 +136,6 @@ def test_twist_and_plies_are_of_each_yarn_and_enter_no_figures() -> None:
     assert (turns.tolist(), plies.tolist()) == ([300, -300, 300], [2, 1, 2])
     assert plied.cloth.weft.strands(7)[0].tolist() == 7 * [-700]
     # and are shown as they are written
-    shown = [plied.parameter(name).show(getattr(plied, name)) for name in TWISTS]
+    shown = [plied.parameter(name).format(getattr(plied, name)) for name in TWISTS]
     assert shown == ["300 Z, 300 S", "700 S"]
     assert parse_twist("700 S") == plied.weft_twist
