@@ -86,11 +86,11 @@ class SpacemapAccessor:
             cage = pv.wrap(cage.GetOutputDataObject(0))
         if not isinstance(cage, pv.DataObject):
             raise InputError(
-                f"a {type(cage).__name__} is no mesh",
+                f"must be a mesh, not {type(cage).__name__}",
                 key="cage",
                 allowed="a pyvista mesh with a volume",
-                cure="Write deform(cage, displacement); a file is read by pyvista.read(file), and "
-                "modal() makes a cage of its own.",
+                cure="Write deform(cage, displacement); read a file with pyvista.read(file); "
+                "modal() makes its own cage.",
             )
         if isinstance(cage, pv.MultiBlock):
             cage = cage.combine(merge_points=True)
@@ -100,15 +100,15 @@ class SpacemapAccessor:
         else:
             if callable(displacement):
                 displacement = displacement(np.array(cage.points, dtype=np.float64))
-            allowed = f"({cage.GetNumberOfPoints()}, 3): a row for each point of the cage"
+            allowed = f"({cage.GetNumberOfPoints()}, 3): one row for each point of the cage"
             try:
                 values = np.asarray(displacement, dtype=np.float64)
             except (TypeError, ValueError) as error:
                 raise InputError(
-                    f"no array of numbers: {error}", key="displacement", allowed=allowed
+                    f"must be an array of numbers: {error}", key="displacement", allowed=allowed
                 ) from None
             if values.shape != (cage.GetNumberOfPoints(), 3):
-                text = f"a displacement of shape {values.shape}"
+                text = f"has the shape {values.shape}"
                 raise InputError(text, key="displacement", allowed=allowed)
             values = values[volume.points]
         moving = vtkUnstructuredGrid()
@@ -148,7 +148,7 @@ class SpacemapAccessor:
             if not owners:
                 known = [known for stage in stages for known in stage.parameters]
                 raise UnknownNameError(
-                    "no stage has a parameter of that name",
+                    "unknown parameter",
                     key=name,
                     allowed=", ".join(known),
                     cure=suggestion(name, known),
@@ -170,6 +170,6 @@ def _to_point_set(mesh: Any) -> Any:
         return blocks
     if not isinstance(mesh, pv.DataSet):
         raise InputError(
-            f"a {type(mesh).__name__} has no points", allowed="a mesh, or blocks of such"
+            f"a {type(mesh).__name__} has no points", allowed="a mesh, or blocks of meshes"
         )
     return mesh if isinstance(mesh, vtkPointSet) else mesh.cast_to_unstructured_grid()

@@ -31,7 +31,7 @@ class CancelToken:
     def check(self) -> None:
         """Raise Cancelled if the token is cancelled."""
         if self.cancelled:
-            raise Cancelled("the run was stopped")
+            raise Cancelled("the run was cancelled")
 
     @contextmanager
     def active(self) -> Iterator[None]:

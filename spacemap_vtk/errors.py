@@ -205,7 +205,7 @@ def format_error(error: BaseException) -> str:
     """
     text = " ".join(str(error).split())
     if isinstance(error, MemoryError) and not isinstance(error, SpacemapError):
-        return f"memory has run out: {text or 'there is no more'}"
+        return f"out of memory: {text}".removesuffix(": ")
     return text or type(error).__name__
 
 

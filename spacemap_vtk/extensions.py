@@ -79,7 +79,7 @@ def load(group: str, name: str) -> Any:
     for member in members(group):
         if member.name == name:
             return member.load()
-    raise MissingLibraryError(f"no installed package provides {name} among its {group}")
+    raise MissingLibraryError(f'no installed package provides "{name}" in its {group}')
 
 
 def load_all(group: str) -> list[Any]:
@@ -93,7 +93,7 @@ def load_all(group: str) -> list[Any]:
                 raise
             # Not a SpacemapWarning: commands hide those, because they print them in another way.
             warnings.warn(
-                f"the package {member.package} is left out: {member.value} cannot be loaded: "
+                f"the package {member.package} is ignored: cannot load {member.value}: "
                 f"{type(error).__name__}: {error}",
                 RuntimeWarning,
                 stacklevel=2,

@@ -316,7 +316,7 @@ class Parameter(Generic[T]):
     @property
     def default_text(self) -> str:
         """The default in words."""
-        of_object = f"; of an object {AUTOMATIC}" if self.automatic and not self.optional else ""
+        of_object = f"; for an object {AUTOMATIC}" if self.automatic and not self.optional else ""
         return self.format(self.default) + of_object
 
 
@@ -427,7 +427,7 @@ class Parameterised:
         name = cls.synonyms.get(name, name)
         if name not in cls.parameters:
             raise UnknownNameError(
-                f"{cls.__name__} has no parameter of that name",
+                f"unknown parameter of {cls.__name__}",
                 key=name,
                 allowed=", ".join(cls.parameters),
                 cure=suggestion(name, cls.parameters),

@@ -78,17 +78,17 @@ class Real(Parameter[Any]):
         if isinstance(value, (bool, np.bool_)) or not isinstance(
             value, (int, float, np.integer, np.floating)
         ):
-            raise InputError("not a number")
+            raise InputError("must be a number")
         try:
             number = float(value)
         except OverflowError:  # an integer of hundreds of digits
             number = math.inf
         if not math.isfinite(number):
-            raise InputError("not a finite number")
+            raise InputError("must be finite")
         self._check_range(number)
         if number and not 1 / _MAX_NUMBER <= abs(number) <= _MAX_NUMBER:
             raise InputError(
-                f"nothing is computed beyond {_MAX_NUMBER:g}, nor nearer to 0 than 1e-36"
+                f"must be 0, or between {1 / _MAX_NUMBER:g} and {_MAX_NUMBER:g} in size"
             )
         return number
 
@@ -122,12 +122,12 @@ class Real(Parameter[Any]):
         cures = " or ".join(f'"{written} {unit}"' for unit in meant)
         plain = next(iter(known)).removeprefix("1")
         raise InputError(
-            f"without a unit it is {format_quantity(number, self.unit)}, which is implausible",
+            f"without a unit this is {format_quantity(number, self.unit)}, which is implausible",
             key=self.name,
             value=value,
             allowed=f"{format_quantity(low, self.unit)} to {format_quantity(high, self.unit)} "
             "without a unit, or any number with its unit",
-            cure=f'Write the unit, as in {cures}; "{written} {plain}" is accepted, too.',
+            cure=f'Add the unit, for example {cures}; "{written} {plain}" is accepted, too.',
         )
 
     def _check_range(self, number: float) -> None:
@@ -210,7 +210,7 @@ class Integer(Real):
         """Convert to an int in range."""
         number = super().convert(value)
         if number != int(number):
-            raise InputError("not a whole number")
+            raise InputError("must be a whole number")
         return int(number)
 
     def text(self, value: Any) -> str:
@@ -228,7 +228,7 @@ class Flag(Parameter[bool]):
     def convert(self, value: Any) -> bool:
         """Return the bool; other types are refused."""
         if not isinstance(value, (bool, np.bool_)):
-            raise InputError("neither true nor false")
+            raise InputError("must be true or false")
         return bool(value)
 
     def text(self, value: bool) -> str:
@@ -261,7 +261,9 @@ class Choice(Parameter[str]):
     def convert(self, value: Any) -> str:
         """Return the word if it is one of the choices."""
         if value not in self.choices:
-            raise InputError("not one of the choices", cure=suggestion(str(value), self.choices))
+            raise InputError(
+                "must be one of the choices", cure=suggestion(str(value), self.choices)
+            )
         return str(value)
 
     @property
@@ -306,10 +308,10 @@ class Vector(Parameter[tuple[Any, ...]]):
     def convert(self, value: Any) -> tuple[Any, ...]:
         """Convert to a tuple of checked components."""
         if isinstance(value, str) or not isinstance(value, Iterable):
-            raise InputError(f"not a list of {len(self.labels)}")
+            raise InputError(f"must be a list of {len(self.labels)}")
         components = tuple(value)
         if len(components) != len(self.labels):
-            raise InputError(f"{len(components)} components in place of {len(self.labels)}")
+            raise InputError(f"must have {len(self.labels)} components, not {len(components)}")
         return tuple(self.component.convert(component) for component in components)
 
     @property
@@ -332,7 +334,7 @@ class Text(Parameter[str]):
     def convert(self, value: Any) -> str:
         """Return the string."""
         if not isinstance(value, str):
-            raise InputError("not a string")
+            raise InputError("must be a string")
         return value
 
     def text(self, value: str) -> str:
@@ -350,7 +352,7 @@ class FilePath(Parameter[Any]):
     def convert(self, value: Any) -> Path:
         """Convert to a Path. Whether the file exists is checked when it is read."""
         if not isinstance(value, (str, Path)) or str(value) == "":
-            raise InputError("not a path")
+            raise InputError("must be a path")
         return Path(value)
 
     def resolve_path(self, value: Any, folder: Path) -> Any:
@@ -383,10 +385,13 @@ def require_local_file(word: str, by: Path | None = None, key: str = "file") -> 
     # others.
     if PureWindowsPath(word).drive.startswith("\\\\"):
         raise InputError(
-            f"{by} names {word}, on another machine" if by else "it is on another machine",
+            f"{by} refers to {word}, which is on another machine"
+            if by
+            else "must not be on another machine",
             key=key,
             value=None if by else word,
-            cure="Copy it beside the file that names it, and let that name the copy.",
+            cure="Copy the file into the folder of the file that refers to it, and refer to the "
+            "copy.",
         )
 
 
@@ -402,16 +407,16 @@ class Color(Parameter[Any]):
         if isinstance(value, str):
             digits = re.fullmatch(r"#?([0-9a-fA-F]{6})", value)
             if digits is None:
-                raise InputError("not a colour")
+                raise InputError("must be a colour")
             value = bytes.fromhex(digits.group(1))
         if not isinstance(value, Iterable):
-            raise InputError("not a colour")
+            raise InputError("must be a colour")
         rgb = tuple(value)
         if len(rgb) != 3 or not all(
             isinstance(c, (int, np.integer)) and not isinstance(c, bool) and 0 <= c <= 255
             for c in rgb
         ):
-            raise InputError("not a colour")
+            raise InputError("must be a colour")
         return int(rgb[0]), int(rgb[1]), int(rgb[2])
 
     def text(self, value: Any) -> str:
@@ -441,7 +446,7 @@ class Series(Parameter[Any]):
     def __init__(self, component: Parameter[Any], *, automatic: str, **rest: Any) -> None:
         super().__init__(None, component.help, unit=component.unit, automatic=automatic, **rest)
         self.component = component
-        self.annotation = f"{component.annotation}, or a list of such"
+        self.annotation = f"{component.annotation}, or a list of these"
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.component.__set_name__(owner, name)
@@ -464,7 +469,7 @@ class Series(Parameter[Any]):
                 what = f"value {number}, {format_value(item)}: {error.message}"
                 raise InputError(what, cure=error.cure) from None
         if not items:
-            raise InputError("an empty list")
+            raise InputError("must not be an empty list")
         return items[0] if len(set(items)) == 1 else tuple(items)
 
     def require_plausible(self, value: Any) -> None:
@@ -476,7 +481,7 @@ class Series(Parameter[Any]):
     @property
     def expected(self) -> str:
         """The form of each value, in words."""
-        return f"{self.component.expected}; or a list of such, {self.list_meaning}"
+        return f"{self.component.expected}; or a list of these, {self.list_meaning}"
 
     def text(self, value: Any) -> str:
         """Format the value, or the list with commas."""

@@ -111,14 +111,12 @@ def parse_quantity(text: str, unit: str) -> float:
     found = split_quantity(text)
     known = UNITS.get(unit, {})
     if found is None:
-        raise InputError("not a number", value=text, allowed=_allowed_text(unit))
+        raise InputError("must be a number", value=text, allowed=_allowed_text(unit))
     number, name = found
     if name == "":
         return number
     if name not in known:
-        raise InputError(
-            f'unit "{name}" is not known here', value=text, allowed=_allowed_text(unit)
-        )
+        raise InputError(f'unknown unit "{name}"', value=text, allowed=_allowed_text(unit))
     # Dividing by an exact 1000 rounds once ("0.3 mm" is 0.0003); 0.3 * 1e-3 would round twice.
     size = known[name]
     parts = round(1 / size)
@@ -129,7 +127,7 @@ def parse_quantity(text: str, unit: str) -> float:
 
 def _allowed_text(unit: str) -> str:
     units = UNITS.get(unit)
-    return "a number" if not units else "a number, or one with a unit of " + ", ".join(units)
+    return "a number" if not units else "a number, or one with a unit: " + ", ".join(units)
 
 
 def typeset_units(text: str) -> str:

@@ -37,7 +37,7 @@ _ANSWER = 10
 #: Other valid schemes of a scheduler's address, besides tcp and tls.
 _SCHEMES = ("inproc", "ucx", "ws", "wss")
 #: Probable causes of an exit status.
-_ENDS = {-9: ", perhaps for lack of memory", 137: ", perhaps for lack of memory"}
+_ENDS = {-9: ", possibly out of memory", 137: ", possibly out of memory"}
 
 
 class WorkerEndedError(SpacemapError, RuntimeError):
@@ -72,7 +72,7 @@ def run_in_processes(
                 try:
                     child = child or started()
                 except OSError as error:
-                    done.put((number, SpacemapError(f"no process could be started: {error}")))
+                    done.put((number, SpacemapError(f"cannot start a process: {error}")))
                     continue
             result, child = run_task(child, task)
             done.put((number, result))
@@ -106,7 +106,7 @@ def process_count(jobs: int, worth: int, need: int, asked: int | None) -> int:
     fits = jobs if free is None else max(1, free // need)
     if asked is None:
         return max(1, min(core_count(), fits, worth))
-    count, cure = min(asked, jobs), f"Take {fits} or fewer."
+    count, cure = min(asked, jobs), f"Use {fits} or fewer."
     if count > 1:
         require_memory(count * need, f"{count} processes", key="--workers", value=asked, cure=cure)
     return count
@@ -121,14 +121,14 @@ def run_on_cluster(
     except ImportError:
         raise MissingLibraryError(
             "a Dask cluster needs the package distributed, which is not installed",
-            cure="Try \"pip install 'spacemap_vtk[cluster]'\".",
+            cure="Run \"pip install 'spacemap_vtk[cluster]'\".",
         ) from None
     refused = InputError(
-        "no Dask scheduler answers there",
+        "no Dask scheduler answers at this address",
         key="--cluster",
         value=address,
-        allowed="the address that it prints when it starts, as in tcp://127.0.0.1:8786",
-        cure='Start one by "dask scheduler", and workers by "dask worker ADDRESS".',
+        allowed="the address that it prints when it starts, such as tcp://127.0.0.1:8786",
+        cure='Start one with "dask scheduler", and workers with "dask worker ADDRESS".',
     )
     try:
         # Test the address first: a client without a scheduler retries for long when it is closed.
@@ -145,11 +145,13 @@ def run_on_cluster(
         lacking = [name for name, each in found.items() if not each["packages"]["spacemap_vtk"]]
         if lacking or not found:
             raise InputError(
-                f"its worker {lacking[0]} has no spacemap_vtk" if lacking else "it has no workers",
+                f"spacemap_vtk is not installed on its worker {lacking[0]}"
+                if lacking
+                else "the cluster has no workers",
                 key="--cluster",
                 value=address,
-                cure="Start workers in an environment that has the program: dask worker "
-                f"{address} --nthreads 1",
+                cure="Start workers in an environment with spacemap_vtk: "
+                f"dask worker {address} --nthreads 1",
             )
         futures = {client.submit(function, task, pure=False): k for k, task in enumerate(tasks)}
         try:

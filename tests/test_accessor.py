@@ -20,7 +20,7 @@ def box() -> pv.ImageData:
 
 
 @pytest.mark.parametrize("make", [pv.Sphere, lambda: pv.ImageData(dimensions=(2, 2, 2))])
-def test_deform_with_an_array_and_by_name(make: object) -> None:
+def test_deform_accepts_an_array_a_name_or_a_function(make: object) -> None:
     mesh, cage = make(), box()  # type: ignore[operator]
     before = np.array(mesh.points)
     cage["u"] = 0.5 * cage.points
@@ -38,7 +38,7 @@ def test_deform_with_an_array_and_by_name(make: object) -> None:
     np.testing.assert_array_equal(mesh.points, before)
 
 
-def test_blocks_ride_along_with_one_cage_and_keep_their_names() -> None:
+def test_blocks_move_with_one_cage_and_keep_their_names() -> None:
     blocks = pv.MultiBlock({"ball": pv.Sphere(), "gap": None, "image": box()})
     moved = blocks.spacemap.deform(box(), lambda points: [1.0, 0.0, 0.0] + 0.0 * points)
     assert moved.keys() == ["ball", "gap", "image"]
@@ -48,29 +48,29 @@ def test_blocks_ride_along_with_one_cage_and_keep_their_names() -> None:
     np.testing.assert_allclose(moved["image"].points[0], [0, -1, -1], atol=1e-6)
 
 
-def test_deform_refuses_in_words() -> None:
+def test_deform_refuses_wrong_input_with_a_message() -> None:
     cage = box()
     for guess in (lambda points: points, "cage.vtu", np.zeros((3, 3))):
-        with pytest.raises(InputError, match=r"is no mesh; .* Write deform\(cage, displacement\)"):
+        with pytest.raises(InputError, match=r"must be a mesh, not .* Write deform\(cage, disp"):
             pv.Sphere().spacemap.deform(guess)
     with pytest.raises(InputError, match=r"shape \(3, 3\); allowed: \(27, 3\)"):
         pv.Sphere().spacemap.deform(cage, np.zeros((3, 3)))
     for made, why in (
         (np.nan * cage.points, "27 of the cage's 27 displacements are not finite numbers"),
-        (["a"], r"displacement: no array of numbers: .*'a'.*; allowed: \(27, 3\)"),
-        (lambda points: [1.0, points], r"no array of numbers"),
+        (["a"], r"displacement: must be an array of numbers: .*'a'.*; allowed: \(27, 3\)"),
+        (lambda points: [1.0, points], r"must be an array of numbers"),
     ):
         with pytest.raises(InputError, match=why):
             pv.Sphere().spacemap.deform(cage, made)
     with pytest.raises(InputError, match="a Table has no points"):
         pv.Table(np.zeros((2, 2))).spacemap.deform(cage, cage.points)
-    with pytest.raises(InputError, match=r'needs an array "displacement", and the input has none'):
+    with pytest.raises(InputError, match=r'needs an array "displacement"; the input has none'):
         pv.Sphere().spacemap.deform(cage)
-    with pytest.raises(InputError, match="no volume mesh"):
+    with pytest.raises(InputError, match="is not a volume mesh"):
         pv.Sphere().spacemap.deform(pv.Sphere(), np.zeros((842, 3)))
 
 
-def test_modal_is_live_in_a_plotter() -> None:
+def test_modal_updates_in_a_plotter() -> None:
     swing = pv.Sphere().spacemap.modal(
         divisions=(2, 2, 2), fixed="-z", gravity=(0, 0, -100.0), modes=5
     )
@@ -92,7 +92,7 @@ def test_modal_refuses_unknown_names() -> None:
         pv.Sphere().spacemap.modal(fixd="-z")
 
 
-def test_the_entry_point_names_the_module() -> None:
+def test_entry_point_names_the_module() -> None:
     config = configparser.ConfigParser()
     config.read(Path(__file__).parents[1] / "setup.cfg")
     points = config["options.entry_points"]["pyvista.accessors"]

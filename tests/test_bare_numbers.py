@@ -37,9 +37,7 @@ INCH = 0.0254
         ("weave.warp_spacing=linspace(0.4, 0.6, 3)", ["400 mm", '"0.4 mm"']),
     ],
 )
-def test_a_number_without_a_unit_that_is_absurd_in_si_is_refused(
-    assignment: str, parts: list[str]
-) -> None:
+def test_implausible_number_without_a_unit_is_refused(assignment: str, parts: list[str]) -> None:
     scene = Scene({})
     key = assignment.partition("=")[0]
     with pytest.raises(InputError) as refused:
@@ -51,7 +49,7 @@ def test_a_number_without_a_unit_that_is_absurd_in_si_is_refused(
         assert part in text
 
 
-def test_a_scene_file_and_set_refuse_it_alike() -> None:
+def test_scene_file_and_set_refuse_the_same_numbers() -> None:
     with pytest.raises(InputError, match=r"weave\.warp_sett = 24: without a unit"):
         Scene({"weave": {"warp_sett": 24}})
     with pytest.raises(InputError, match=r"weave\.warp_sett = 24: without a unit"):
@@ -70,12 +68,12 @@ def test_a_scene_file_and_set_refuse_it_alike() -> None:
         ("warp_count", 3e-5, 3e-5),
     ],
 )
-def test_si_and_units_are_taken_as_they_stand(key: str, value: Any, expected: float) -> None:
+def test_plausible_si_numbers_and_units_are_accepted(key: str, value: Any, expected: float) -> None:
     scene = Scene({"weave": {key: value}})
     assert getattr(scene.source, key) == pytest.approx(expected, rel=1e-14)
 
 
-def test_a_count_and_its_plies_are_a_cotton_count() -> None:
+def test_count_with_plies_is_a_cotton_count() -> None:
     # 840 yards of Ne 1 weigh a pound
     hank = 0.45359237 / (840 * 0.9144)
     assert parse_yarn_count("20/2") == pytest.approx(hank / 10, rel=1e-12)
@@ -87,7 +85,7 @@ def test_a_count_and_its_plies_are_a_cotton_count() -> None:
     assert "cotton" in Scene({}).source.parameter("warp_count").allowed
 
 
-def test_a_record_keeps_values_that_need_their_unit() -> None:
+def test_record_writes_implausible_values_with_their_unit() -> None:
     odd = 0.1 + 0.2  # seventeen digits
     written = {"warp_diameter": [f"{odd} m", "0.4 m"], "warp_spacing": f"{3 * odd} m"}
     scene = Scene({"weave": written})
@@ -97,7 +95,7 @@ def test_a_record_keeps_values_that_need_their_unit() -> None:
     assert "0.4 m" in make_record(scene, {}, ()).scene.replace("400 mm", "0.4 m")
 
 
-def test_a_sweep_of_large_yarns_keeps_their_unit() -> None:
+def test_sweep_writes_large_diameters_with_their_unit() -> None:
     scene = Scene({})
     values = parse_value_list("weave.warp_diameter=linspace(200 mm, 400 mm, 3)", scene.parts).values
     for value, expected in zip(values, (0.2, 0.3, 0.4), strict=True):
@@ -105,7 +103,7 @@ def test_a_sweep_of_large_yarns_keeps_their_unit() -> None:
         assert scene.source.warp_diameter == expected
 
 
-def test_kawabatas_shear_is_per_degree() -> None:
+def test_shear_stiffness_of_kawabata_is_per_degree() -> None:
     for text in ("1 gf/(cm.deg)", "1 gf/(cm·degree)", "1 gf/cm.deg", "1 gf/cm/deg", "1 gf/(cm*°)"):
         solver = ModalSolver(shear_rigidity=text)
         assert solver.shear_rigidity == pytest.approx(56.19, abs=0.005)
@@ -115,7 +113,7 @@ def test_kawabatas_shear_is_per_degree() -> None:
     assert ModalSolver(tensile_rigidity="1 gf/cm").tensile_rigidity == 0.980665
 
 
-def test_a_phase_without_a_unit_is_in_degrees_and_says_so() -> None:
+def test_phase_without_a_unit_is_in_degrees() -> None:
     load = {"pressure": 1.0, "on": "+z", "time": "harmonic", "frequency": 1.0}
     for phase in (90, "90 deg", f"{math.pi / 2} rad"):
         made = Load(**load, phase=phase)
@@ -140,13 +138,13 @@ def test_a_phase_without_a_unit_is_in_degrees_and_says_so() -> None:
         ("0.4", "0.3", "", "0.4"),
     ],
 )
-def test_a_number_typed_alone_is_in_the_unit_that_its_field_shows(
+def test_typed_number_has_the_unit_of_its_field(
     typed: str, shown: str, unit: str, expected: str
 ) -> None:
     assert add_shown_unit(typed, shown, unit) == expected
 
 
-def test_rows_in_a_browser_take_the_unit_that_they_show() -> None:
+def test_typed_number_in_a_browser_has_the_unit_of_its_row() -> None:
     values = {"weave": {"warp_diameter": "0.25 mm", "warp_spacing": "0.6 mm"}}
     scene, rows = Scene(values), ParameterRows()
     rows.make_sections(scene, values)

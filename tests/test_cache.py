@@ -75,7 +75,7 @@ def test_modulus_and_density_only_scale(calls):
     np.testing.assert_allclose(scaled[1], shapes * np.sqrt(300 / 700), rtol=1e-12)
 
 
-def test_the_same_modes_are_the_same_arrays():
+def test_equal_modes_are_identical_arrays():
     made, response = solver(), ModalResponse()
     response.SetInputConnection(made.GetOutputPort())
 
@@ -105,7 +105,7 @@ def test_the_same_modes_are_the_same_arrays():
         again = other
 
 
-def test_a_new_support_ratio_or_mass_reuses_the_assembly(calls):
+def test_new_support_ratio_or_mass_reuses_the_assembly(calls):
     made = solver()
     for change in ({"fixed": "-x"}, {"poissons_ratio": 0.2}, {"mass": "lumped"}):
         made.configure(**change)
@@ -113,7 +113,7 @@ def test_a_new_support_ratio_or_mass_reuses_the_assembly(calls):
     assert calls == {"solved": 3, "assembled": 1}
 
 
-def test_fewer_modes_are_those_that_are_asked_for_alone(calls, monkeypatch):
+def test_fewer_modes_equal_those_solved_alone(calls, monkeypatch):
     monkeypatch.setenv("SPACEMAP_CACHE", "off")
     made = solver(modes=8)
     made.update()
@@ -124,7 +124,7 @@ def test_fewer_modes_are_those_that_are_asked_for_alone(calls, monkeypatch):
     np.testing.assert_array_equal(fewer[1], alone[1])
 
 
-def test_the_same_scene_again_solves_nothing(place, calls):
+def test_same_scene_again_solves_nothing(place, calls):
     first = result(solver())
     assert calls == {"solved": 1, "assembled": 1}
     again = result(solver())
@@ -138,7 +138,7 @@ def test_the_same_scene_again_solves_nothing(place, calls):
     assert len(list(place.iterdir())) == 2
 
 
-def test_what_changes_the_modes_is_another_entry(place, calls):
+def test_every_change_of_the_modes_makes_a_new_entry(place, calls):
     for number, settings in enumerate(
         ({}, {"fixed": "-x"}, {"fixed": "+y:xy"}, {"poissons_ratio": 0.2}, {"mass": "lumped"})
     ):
@@ -146,7 +146,7 @@ def test_what_changes_the_modes_is_another_entry(place, calls):
         assert calls["solved"] == number + 1
 
 
-def test_a_drag_writes_hardly_anything(place, calls, monkeypatch):
+def test_dragging_a_value_stores_few_entries(place, calls, monkeypatch):
     # Whatever else the machine does meanwhile.
     monkeypatch.setattr(modal_solver, "_QUICK", np.inf)
     monkeypatch.setattr(modal_solver, "_PAUSE", 60.0)
@@ -163,7 +163,7 @@ def test_a_drag_writes_hardly_anything(place, calls, monkeypatch):
 
 
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "empty", "text", "other", "few"])
-def test_a_damaged_entry_is_replaced(place, calls, damage):
+def test_damaged_entry_is_replaced(place, calls, damage):
     right = result(solver())
     (path,) = place.iterdir()
     content = bytearray(path.read_bytes())
@@ -191,7 +191,7 @@ def test_a_damaged_entry_is_replaced(place, calls, damage):
 
 
 @pytest.mark.parametrize("device", ["/dev/zero", None])
-def test_an_entry_that_never_ends_is_replaced(place, device):
+def test_endless_entry_is_replaced(place, device):
     cache.store("entry", values=np.arange(8.0))
     path = place / "entry-1.npz"
     path.unlink()
@@ -201,7 +201,7 @@ def test_an_entry_that_never_ends_is_replaced(place, device):
     assert len(cache.load("entry")["values"]) == 8
 
 
-def test_whatever_has_become_of_an_entry_nothing_else_is_read(place):
+def test_changed_entry_never_gives_wrong_arrays(place):
     right = {"values": np.arange(8.0), "shapes": np.random.default_rng(0).random((8, 5, 3))}
     cache.store("entry", **right)
     path = place / "entry-1.npz"
@@ -224,7 +224,7 @@ def test_whatever_has_become_of_an_entry_nothing_else_is_read(place):
     assert missing > 100
 
 
-def test_it_can_be_switched_off(monkeypatch, tmp_path, calls):
+def test_cache_can_be_switched_off(monkeypatch, tmp_path, calls):
     monkeypatch.setenv("SPACEMAP_CACHE", "off")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     result(solver())
@@ -234,7 +234,7 @@ def test_it_can_be_switched_off(monkeypatch, tmp_path, calls):
     assert cache.folder() is None
 
 
-def test_the_folder_is_the_users(monkeypatch, tmp_path):
+def test_folder_is_in_the_users_home(monkeypatch, tmp_path):
     monkeypatch.delenv("SPACEMAP_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     if sys.platform.startswith("linux"):
@@ -243,7 +243,7 @@ def test_the_folder_is_the_users(monkeypatch, tmp_path):
         assert cache.folder() == Path.home() / ".cache" / "spacemap_vtk"
 
 
-def test_the_oldest_go_when_it_is_full(place, monkeypatch):
+def test_oldest_entries_are_removed_when_the_cache_is_full(place, monkeypatch):
     monkeypatch.setattr(cache, "MAX_BYTES", 40_000)
     for number in range(6):
         cache.store(f"entry{number}", a=np.arange(1000.0))
@@ -257,7 +257,7 @@ def test_the_oldest_go_when_it_is_full(place, monkeypatch):
     assert cache.load("large") is None
 
 
-def test_a_disk_that_takes_nothing_is_no_error(monkeypatch, tmp_path, calls):
+def test_read_only_disk_is_not_an_error(monkeypatch, tmp_path, calls):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     monkeypatch.setenv("SPACEMAP_CACHE", str(blocked / "cache"))
@@ -267,7 +267,7 @@ def test_a_disk_that_takes_nothing_is_no_error(monkeypatch, tmp_path, calls):
 
 
 @pytest.mark.parametrize("room", [0, 2**13])
-def test_a_full_disk_keeps_nothing_and_is_no_error(small_disk, monkeypatch, calls, room):
+def test_full_disk_is_not_an_error(small_disk, monkeypatch, calls, room):
     disk = small_disk(2**17)
     with contextlib.suppress(OSError), (disk / "fill").open("wb", buffering=0) as fill:
         fill.write(bytes(2**17 - room))
@@ -279,7 +279,7 @@ def test_a_full_disk_keeps_nothing_and_is_no_error(small_disk, monkeypatch, call
     assert list(disk.glob("cache/*")) == []
 
 
-def test_a_process_that_is_ended_leaves_no_half_entry(place):
+def test_killed_process_leaves_no_partial_entry(place):
     program = "import numpy as np\nfrom spacemap_vtk import cache\n"
     program += "while True: cache.store('entry', a=np.zeros(10**7))"
     with subprocess.Popen([sys.executable, "-c", program]) as process:
@@ -291,7 +291,7 @@ def test_a_process_that_is_ended_leaves_no_half_entry(place):
     assert [path.suffix for path in place.glob("*")] in ([], [".npz"])
 
 
-def test_what_another_program_put_there_is_missing(place, monkeypatch):
+def test_files_of_other_programs_are_ignored(place, monkeypatch):
     """Found by fuzzing: each was an error of numpy's, zlib's or tokenize's, or believed."""
     monkeypatch.setattr(cache, "MAX_BYTES", 10**6)
 
@@ -332,7 +332,7 @@ def test_cancelling_works_on_a_cached_solution(place):
         made.update()
 
 
-def test_static_displacements_are_kept(place, monkeypatch):
+def test_static_displacements_are_cached(place, monkeypatch):
     from spacemap_vtk.datasets.modal_model import model_of
     from spacemap_vtk.filters.modal_response import static_displacements
 
@@ -357,7 +357,7 @@ def test_static_displacements_are_kept(place, monkeypatch):
     np.testing.assert_allclose(static_displacements(stiffer, forces)[0], first / 2, rtol=1e-12)
 
 
-def test_the_command_line_switches_it_off(place, monkeypatch, capsys):
+def test_command_line_switches_the_cache_off(place, monkeypatch, capsys):
     from spacemap_vtk.cli.main import main
 
     for options, entries in ((["--no-cache"], 0), ([], 1)):

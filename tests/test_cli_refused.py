@@ -25,17 +25,20 @@ from spacemap_vtk.scenes import library
         ("[weave\nends = 7", ["not a scene", "line 1"]),
         ("[waeve]\nends = 7", ["waeve", "[weave]", 'Did you mean "weave"?']),
         ("[weave]\nend = 7", ["weave.end", "ends, picks", 'Did you mean "ends"?']),
-        ("weave = 3", ["weave = 3", "not a section"]),
-        ("title = 3", ["title = 3", "not a string"]),
-        ("[weave]\nends = 'many'", ['weave.ends = "many"', "not a number", "whole number"]),
+        ("weave = 3", ["weave = 3", "must be a section"]),
+        ("title = 3", ["title = 3", "must be a string"]),
+        ("[weave]\nends = 'many'", ['weave.ends = "many"', "must be a number", "whole number"]),
         ("[weave]\nends = 0", ["weave.ends = 0", "at least 1"]),
-        ("[weave]\nends = 'automatic'", ["weave.ends", "not a number", ', or "auto"']),
+        ("[weave]\nends = 'automatic'", ["weave.ends", "must be a number", ', or "auto"']),
         ("[surface]\nsubdivisions = 'fine'", ["surface.subdivisions", ', or "auto"']),
-        ("[[response.loads]]\npressure = 'auto'\non = '+z'", ["loads[0].pressure", "not a number"]),
-        ("[weave]\nends = true", ["weave.ends = true", "not a number"]),
+        (
+            "[[response.loads]]\npressure = 'auto'\non = '+z'",
+            ["loads[0].pressure", "must be a number"],
+        ),
+        ("[weave]\nends = true", ["weave.ends = true", "must be a number"]),
         ("[weave]\nwarp_diameter = -0.001", ["weave.warp_diameter = -0.001", "greater than 0 m"]),
-        ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "not a finite number"]),
-        ("[weave]\nwarp_diameter = inf", ["weave.warp_diameter = inf", "not a finite number"]),
+        ("[weave]\nwarp_diameter = nan", ["weave.warp_diameter = nan", "must be finite"]),
+        ("[weave]\nwarp_diameter = inf", ["weave.warp_diameter = inf", "must be finite"]),
         ("[weave]\nwarp_diameter = '1 kg'", ['unit "kg"', "mm"]),
         ("[weave]\nwarp_crimp_height = '0.51 mm'", ["weave.warp_crimp_height", "0 mm to 0.5 mm"]),
         ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
@@ -57,7 +60,7 @@ from spacemap_vtk.scenes import library
         ("[cage]\ndivisions = [60000, 60000, 60000]", ["cage.divisions", "GiB"]),
         ("[weave]\nends = 100000\npicks = 100000", ["weave.ends", "GiB"]),
         ("[modal]\nfixed = ''\n[response]\ninitial = 'equilibrium'", ["response.initial", "Fix"]),
-        ("[view]\nsize = [1280]", ["view.size", "1 components in place of 2"]),
+        ("[view]\nsize = [1280]", ["view.size", "must have 2 components, not 1"]),
         ("[view]\nbackground = 'red'", ["view.background", "#rrggbb"]),
     ],
 )
@@ -252,7 +255,10 @@ def test_a_message_names_a_damaged_file_once(
         ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "(.wif, "]),
         ("[cage]\nmethod = 'file'", ["cage.file: ", "needs a file"]),
         ("[cage]\nmethod = 'file'\nfile = 'no.vtu'", ["cage.file: ", "no.vtu: no such file"]),
-        ("[cage]\nmethod = 'file'\nfile = 'tri.ply'", ["cage.file: ", "no volume mesh", "tetwild"]),
+        (
+            "[cage]\nmethod = 'file'\nfile = 'tri.ply'",
+            ["cage.file: ", "is not a volume mesh", "tetwild"],
+        ),
         ("[motion]\nfile = 'a.pvd'", ["motion.file: ", "a.pvd: not a ParaView collection"]),
         ("[modal]\nfixed = 'mask(foo)'", ["modal.fixed: ", '"foo"']),
         (
@@ -328,7 +334,7 @@ def test_an_unreadable_file_is_reported(
     monkeypatch.setattr(library, "folder", forbidden)
     file = folder_of_nobody / "a.wif"
     file.touch(mode=0)
-    printed = "a.wif: permission denied. See to its permissions, or choose another file."
+    printed = "a.wif: permission denied. Check its permissions, or choose another file."
     with pytest.raises(SystemExit, match="2"):
         main(["info", str(file)])
     assert printed in capsys.readouterr().err
@@ -340,7 +346,7 @@ def test_an_unreadable_file_is_reported(
 
 
 def test_a_mesh_deleted_while_it_is_read_is_not_called_damaged(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"a\.vtu: it has gone while it was read"):
+    with pytest.raises(InputError, match=r"a\.vtu: the file was removed while it was read"):
         read_with_vtk(tmp_path / "a.vtu", "vtkIOXML", "vtkXMLUnstructuredGridReader")
 
 

@@ -47,12 +47,12 @@ def same(found: Cloth | None, cloth: Cloth) -> None:
         {"draft": SCENES / "32-shaft_twill.wif", "ends": 40, "picks": 24},
     ],
 )
-def test_a_weave_says_what_cloth_it_is(values: dict[str, Any]) -> None:
+def test_output_of_a_weave_contains_its_cloth(values: dict[str, Any]) -> None:
     source = WeaveSource(**values)
     same(cloth_of(source.update().output), source.cloth)
 
 
-def test_a_part_of_a_weave_says_where_it_lies() -> None:
+def test_part_of_a_weave_contains_its_position() -> None:
     whole = WeaveSource(pattern="twill 2/2", ends=20, picks=18, weft_spacing=["0.5 mm", "0.6 mm"])
     part = WeaveSource(**whole.settings)
     whole.lend(part, YarnSelection(slice(4, 9), slice(10, 16)))
@@ -66,7 +66,7 @@ def test_a_part_of_a_weave_says_where_it_lies() -> None:
     assert np.unique(yarn).tolist() == [*range(4, 9), *range(30, 36)]
 
 
-def test_a_lone_yarn_has_no_spacing() -> None:
+def test_single_yarn_has_no_spacing() -> None:
     lone = Threads(diameter=np.array([0.1]), spacing=np.empty(0))
     cloth = Cloth(drawdown=[[1]], warp=lone, weft=lone, overhang=0.5)
     data = vtkUnstructuredGrid()
@@ -75,7 +75,7 @@ def test_a_lone_yarn_has_no_spacing() -> None:
     assert cloth_of(vtkUnstructuredGrid()) is None
 
 
-def test_it_goes_through_a_file_and_to_cage_and_surface(tmp_path: Path) -> None:
+def test_cloth_is_kept_in_files_cages_and_surfaces(tmp_path: Path) -> None:
     weave, cage = WeaveSource(pattern="twill 2/1"), TetraCage()
     connect(weave, cage)
     surface = connect(weave, PatchTessellator(subdivisions=1))
@@ -90,7 +90,7 @@ def test_it_goes_through_a_file_and_to_cage_and_surface(tmp_path: Path) -> None:
     same(cloth_of(reader.GetOutput()), weave.cloth)
 
 
-def test_it_takes_a_byte_for_each_crossing() -> None:
+def test_drawdown_uses_one_byte_per_crossing() -> None:
     source = WeaveSource(ends=60, picks=40)
     field = source.update().output.GetFieldData()
     arrays = [field.GetArray(i) for i in range(field.GetNumberOfArrays())]
@@ -98,7 +98,7 @@ def test_it_takes_a_byte_for_each_crossing() -> None:
     assert sum(a.GetDataSize() * a.GetDataTypeSize() for a in cloth) < 60 * 40 + 200
 
 
-def test_what_is_missing_is_named() -> None:
+def test_missing_array_is_named() -> None:
     data = WeaveSource().update().output
     field = data.GetFieldData()
     add_array(field, "cloth_drawdown", np.zeros(5, np.uint8))

@@ -51,7 +51,7 @@ def surfaces(monkeypatch, connectivity, subdivisions):
 @pytest.mark.parametrize("count", [1, 15, 16, 17, 3000])
 @pytest.mark.parametrize("subdivisions", [1, 3, 4])
 @pytest.mark.parametrize("shared", [True, False])
-def test_patches_are_those_of_matrix_products(monkeypatch, small, count, subdivisions, shared):
+def test_patches_equal_matrix_products(monkeypatch, small, count, subdivisions, shared):
     points, connectivity = random_patches(count, 3, 3, shared=shared)
     compiled, plain = surfaces(monkeypatch, connectivity, subdivisions)
     np.testing.assert_array_equal(compiled.quads, plain.quads)
@@ -63,7 +63,7 @@ def test_patches_are_those_of_matrix_products(monkeypatch, small, count, subdivi
             np.testing.assert_allclose(made, expected, rtol=0, atol=error)
 
 
-def test_a_small_fabric_is_compiled_where_the_environment_says_so(monkeypatch):
+def test_environment_variable_compiles_small_fabrics(monkeypatch):
     connectivity = random_patches(20, 3, 3)[1]
     assert Tessellation(connectivity, (3, 3), 3).bicubic is None
     monkeypatch.setenv("SPACEMAP_COMPILED", "always")
@@ -72,7 +72,7 @@ def test_a_small_fabric_is_compiled_where_the_environment_says_so(monkeypatch):
     assert made._threads == 1
 
 
-def test_a_small_surface_earns_its_loops_by_many_steps(monkeypatch):
+def test_small_surface_is_compiled_after_many_steps(monkeypatch):
     source, stage = WeaveSource(ends=3, picks=2), PatchTessellator(subdivisions=2)
     connect(source, stage).update()
     steps = []
@@ -126,7 +126,7 @@ def test_collapsed_edges_have_the_same_normals(monkeypatch, small, scale):
     np.testing.assert_allclose(made[1], expected[1], rtol=0, atol=1e-9)
 
 
-def test_only_broken_patches_are_broken(monkeypatch, small):
+def test_invalid_patches_do_not_affect_others(monkeypatch, small):
     points, connectivity = random_patches(40, 3, 3, shared=False)
     points[connectivity[5, 3]], points[connectivity[30, 0]] = np.nan, np.inf
     compiled, plain = surfaces(monkeypatch, connectivity, 2)
@@ -140,7 +140,7 @@ def test_only_broken_patches_are_broken(monkeypatch, small):
 
 @pytest.mark.parametrize("columns", [0, 1, 2, 3, 6])
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, np.uint8])
-def test_arrays_are_carried_over(monkeypatch, small, columns, kind):
+def test_arrays_are_interpolated(monkeypatch, small, columns, kind):
     points, connectivity = random_patches(700, 3, 3)
     compiled, plain = surfaces(monkeypatch, connectivity, 3)
     shape = (len(points), columns) if columns else len(points)
@@ -155,7 +155,7 @@ def test_arrays_are_carried_over(monkeypatch, small, columns, kind):
     assert (same == same.dtype.type(constant.flat[0])).all()
 
 
-def test_rational_and_other_patches_need_no_loops(small):
+def test_rational_patches_use_numpy(small):
     points, connectivity = random_patches(50, 3, 3)
     surface = Tessellation(connectivity, (3, 3), 2)
     weights = np.random.default_rng(2).uniform(0.5, 2, len(points))
@@ -169,7 +169,7 @@ def test_rational_and_other_patches_need_no_loops(small):
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
 @pytest.mark.parametrize("cells", [2, 12])  # many points a tetrahedron, and few
-def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
+def test_embedded_points_equal_matrix_products(monkeypatch, small, order, outside, cells):
     vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (cells, cells, 1))
     nodes, elements = (vertices, tetrahedra) if order == 1 else add_midpoints(vertices, tetrahedra)
     rng = np.random.default_rng(order)
@@ -193,7 +193,7 @@ def test_points_ride_as_by_products(monkeypatch, small, order, outside, cells):
 
 
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
-def test_points_ride_as_by_arrays(monkeypatch, small, outside):
+def test_embedded_points_equal_numpy(monkeypatch, small, outside):
     vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (4, 4, 1))
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.2, 1.2, (20_000, 3))
@@ -217,7 +217,7 @@ def test_points_ride_as_by_arrays(monkeypatch, small, outside):
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 @pytest.mark.parametrize("count", [16, 17, 64, 80, 5000])
-def test_results_written_past_the_cache_are_the_same_to_the_bit(monkeypatch, small, count, kind):
+def test_streamed_results_are_bit_identical(monkeypatch, small, count, kind):
     points, connectivity = random_patches(count, 3, 3)
     vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 1), (3, 3, 1))
     places = np.random.default_rng(7).uniform(0, 1, (count + 150_000, 3)).astype(kind)
@@ -240,7 +240,7 @@ def test_results_written_past_the_cache_are_the_same_to_the_bit(monkeypatch, sma
         assert cached.tobytes() == streamed.tobytes()
 
 
-def test_what_does_not_begin_at_a_line_of_the_cache_is_not_written_past_it(monkeypatch):
+def test_unaligned_results_are_not_streamed(monkeypatch):
     monkeypatch.setattr(memory, "_STREAMED", 0)
     line = memory.allocate_aligned(64, np.float32)
     assert memory.is_streamed(line)
@@ -248,7 +248,7 @@ def test_what_does_not_begin_at_a_line_of_the_cache_is_not_written_past_it(monke
     assert not memory.is_streamed(line, line[1:])
 
 
-def test_small_work_waits_for_no_compiler(monkeypatch):
+def test_small_work_does_not_load_the_compiler(monkeypatch):
     monkeypatch.setattr(parallel, "import_module", None)  # not to be called
     points, connectivity = random_patches(10, 3, 3)
     Tessellation(connectivity, (3, 3), 3).evaluate(points)
@@ -263,7 +263,7 @@ def test_small_work_waits_for_no_compiler(monkeypatch):
     ["import sys; sys.modules['numba'] = None", "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"],
     ids=["missing", "switched off"],
 )
-def test_all_runs_without_a_compiler(without):
+def test_everything_runs_without_a_compiler(without):
     program = f"""
 {without}
 import numpy as np
@@ -279,7 +279,7 @@ assert surface.GetOutputDataObject(0).GetNumberOfPoints() > MANY_POINTS
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 
 
-def test_no_folder_for_machine_code(tmp_path):
+def test_loops_run_without_a_folder_for_machine_code(tmp_path):
     """Where nothing can be kept, as of a program without a file, the loops still run."""
     program = """
 import numpy as np

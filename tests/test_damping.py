@@ -102,9 +102,9 @@ def test_list_of_ratios_round_trips_as_text(value: Any, expected: Any) -> None:
     ("value", "message"),
     [
         (-0.1, r"damping_ratio = -0.1: out of range; allowed: a number at least 0; or a list of"),
-        ([0.1, "x"], r'value 2, "x": not a number'),
-        ([], "an empty list"),
-        ("", "not a number"),
+        ([0.1, "x"], r'value 2, "x": must be a number'),
+        ([], "must not be an empty list"),
+        ("", "must be a number"),
     ],
 )
 def test_invalid_ratios_are_refused(value: Any, message: str) -> None:

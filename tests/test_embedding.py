@@ -56,7 +56,7 @@ def affine(seed):
     return lambda x: x @ matrix + shift
 
 
-def test_the_papers_cage():
+def test_cage_of_the_published_experiment():
     points = cloud(20_000, 1, 0, 1) * [1, 1, 0.1]
     vertices, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
     where = locate(points, vertices, tetrahedra)

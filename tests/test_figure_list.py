@@ -35,7 +35,7 @@ def told(command: str, scene: Path | str, capsys: pytest.CaptureFixture[str], *m
 
 
 @pytest.mark.parametrize("command", ["modes", "info"])
-def test_a_sheet_is_told_in_si_and_in_the_units_of_the_trade(
+def test_sheet_figures_have_si_and_textile_units(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene = tmp_path / "sheet.toml"
@@ -54,7 +54,7 @@ def test_a_sheet_is_told_in_si_and_in_the_units_of_the_trade(
     )
     text = " ".join(told(command, scene, capsys).split())
     for line in (
-        "elements of the cage sheet tensile rigidity 9.807 N/m (10 gf/cm) shear",
+        "cage elements sheet tensile rigidity 9.807 N/m (10 gf/cm) shear",
         "(0.5 gf/cm.deg)",
         "bending rigidity, warp 19.61 µN.m (0.2 gf.cm2/cm) bending rigidity, weft 9.807 µN.m",
         "bending length, warp 24.52 mm (2.452 cm)",
@@ -63,7 +63,7 @@ def test_a_sheet_is_told_in_si_and_in_the_units_of_the_trade(
         assert line in text
 
 
-def test_poissons_ratio_is_told_for_both_directions(
+def test_poissons_ratio_is_given_for_both_directions(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene = tmp_path / "sheet.toml"
@@ -74,20 +74,18 @@ def test_poissons_ratio_is_told_for_both_directions(
 
 
 @pytest.mark.parametrize("command", ["modes", "info"])
-def test_tetrahedra_have_no_such_measures(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_tetrahedra_have_no_sheet_figures(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     figures = json.loads(told(command, "plain_weave", capsys, "--json"))
     assert (figures["elements"], figures["sheet"]) == ("tetrahedra", None)
-    assert "elements of the cage tetrahedra" in " ".join(
-        told(command, "plain_weave", capsys).split()
-    )
+    assert "cage elements tetrahedra" in " ".join(told(command, "plain_weave", capsys).split())
 
 
-def test_a_still_fabric_has_no_cage(capsys: pytest.CaptureFixture[str]) -> None:
+def test_still_fabric_has_no_cage_figures(capsys: pytest.CaptureFixture[str]) -> None:
     figures = json.loads(told("info", "twill_2_2", capsys, "--json"))
     assert "elements" not in figures
 
 
-def test_modes_tell_how_a_sheet_hangs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_modes_report_the_hanging_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # A stiff one hardly: all of what hangs over the disc still casts its shadow.
     scene = tmp_path / "sheet.toml"
     scene.write_text(

@@ -34,7 +34,7 @@ def red_and_blue(file: Path, *words: str) -> Scene:
     return scene
 
 
-def test_a_draft_is_drawn_as_its_drawdown() -> None:
+def test_draft_is_drawn_like_its_drawdown() -> None:
     scene = red_and_blue(REAL, f"weave.ends={ENDS}", f"weave.picks={PICKS}")
     image = drawn(scene, (20 * ENDS, 20 * PICKS))
     # end 1 at the left, pick 1 below, a pixel in the middle of each crossing
@@ -48,7 +48,7 @@ def test_a_draft_is_drawn_as_its_drawdown() -> None:
     assert (net.min(axis=2) > 180).mean() > 3 * background
 
 
-def test_a_draft_without_thickness_fills_its_spacing(tmp_path: Path) -> None:
+def test_yarns_without_diameter_fill_their_spacing(tmp_path: Path) -> None:
     file = tmp_path / "bare.txt"
     file.write_text("\n".join(to_rows(read_draft(REAL).drawdown[:6, :8])))
     scene = Scene({"weave": {"draft": str(file), "thick_yarns": "flatten"}})
@@ -73,7 +73,7 @@ def ordered(scene: Scene, size: tuple[int, int] | None, folder: Path) -> np.ndar
     return np.asarray(Image.open(file)).astype(int)
 
 
-def test_a_narrow_draft_is_drawn_once_and_whole(narrow: Path, tmp_path: Path) -> None:
+def test_narrow_draft_is_drawn_once_and_completely(narrow: Path, tmp_path: Path) -> None:
     prepare_offscreen()  # without OpenGL there is a warning about that
     scene = red_and_blue(narrow)
     image = ordered(scene, (620, 620), tmp_path)
@@ -97,9 +97,7 @@ def test_a_narrow_draft_is_drawn_once_and_whole(narrow: Path, tmp_path: Path) ->
     assert scene.woven.cloth.size == (24, 62)
 
 
-def test_a_picture_of_no_given_size_has_the_draft_s_proportions(
-    narrow: Path, tmp_path: Path
-) -> None:
+def test_default_picture_has_the_proportions_of_the_draft(narrow: Path, tmp_path: Path) -> None:
     assert picture_size(Scene.read(REAL)) == (1280, 1280)
     assert picture_size(red_and_blue(REAL, "weave.picks=45")) == (1280, round(1280 * 45 / 62))
     assert picture_size(Scene.read(narrow)) == (round(1280 * 8 / 62), 1280)
@@ -115,7 +113,7 @@ def test_a_picture_of_no_given_size_has_the_draft_s_proportions(
     assert not any("picture" in text for text in scene.warnings)
 
 
-def test_a_draft_of_many_threads_has_a_larger_picture(narrow: Path) -> None:
+def test_draft_of_many_yarns_has_a_larger_picture(narrow: Path) -> None:
     fits = red_and_blue(REAL, "weave.ends=200", "weave.picks=200")
     assert picture_size(fits) == (1280, 1280)
     more = red_and_blue(REAL, "weave.ends=200", "weave.picks=201")
@@ -123,7 +121,7 @@ def test_a_draft_of_many_threads_has_a_larger_picture(narrow: Path) -> None:
     assert picture_size(red_and_blue(narrow, "weave.picks=951")) == (round(2400 * 8 / 951), 2400)
 
 
-def test_of_a_draft_too_long_to_be_seen_whole_the_beginning_is_drawn(tmp_path: Path) -> None:
+def test_only_the_beginning_of_a_very_long_draft_is_drawn(tmp_path: Path) -> None:
     file = tmp_path / "long.txt"
     whole = np.add.outer(np.arange(3000), np.arange(20)) % 5 < 2
     file.write_text("\n".join(to_rows(whole)))
@@ -135,7 +133,7 @@ def test_of_a_draft_too_long_to_be_seen_whole_the_beginning_is_drawn(tmp_path: P
     image = ordered(scene, (310, 310), tmp_path)
     (text,) = (text for text in scene.warnings if "are drawn" in text)
     assert text == (
-        "only picks 1 to 320 of 3000 are drawn, as the cloth is so long: "
+        "the cloth is very long: only picks 1 to 320 of 3000 are drawn; "
         "--set weave.picks=3000 draws all"
     )
     assert scene.woven.cloth.size == (20, 320)

@@ -24,13 +24,13 @@ AUTOMATIC = [
 OF_OBJECTS = [each for each in AUTOMATIC if each[2].default is not None]
 
 
-def test_what_is_automatic_has_no_default_that_could_be_given() -> None:
+def test_default_of_automatic_parameters_is_none() -> None:
     assert {name for _, name, _ in OF_OBJECTS} == {"camera", "divisions", "fixed", "youngs_modulus"}
     assert len(AUTOMATIC) > 40
 
 
 @pytest.mark.parametrize(("section", "name", "parameter"), OF_OBJECTS)
-def test_of_an_object_a_value_that_cloth_has_by_itself_is_given(
+def test_default_for_cloth_counts_as_given_for_an_object(
     section: str, name: str, parameter: Parameter[Any]
 ) -> None:
     scene = Scene({"object": {}, section: {name: parameter.default}})
@@ -42,7 +42,7 @@ def test_of_an_object_a_value_that_cloth_has_by_itself_is_given(
     "damping", [{"damping_ratio": 0.05}, {"damping_pairs": [[1, 0.1], [9, 0.1]]}]
 )
 @pytest.mark.parametrize("alpha", [1.0, 2.0])
-def test_two_ways_of_damping_contradict_each_other(damping: dict[str, Any], alpha: float) -> None:
+def test_two_kinds_of_damping_contradict(damping: dict[str, Any], alpha: float) -> None:
     for response in (
         ModalResponse(alpha=alpha, **damping),
         Scene({"response": {"alpha": alpha, **damping}}).response,
@@ -53,24 +53,24 @@ def test_two_ways_of_damping_contradict_each_other(damping: dict[str, Any], alph
     assert ModalResponse().damping.alpha == 1.0
 
 
-def test_a_given_value_that_does_not_count_is_reported() -> None:
+def test_given_value_without_effect_is_reported() -> None:
     weave = {"ends": 2, "picks": 2}
     for modulus in ("1 MPa", "2 MPa"):
         modal = {"material": "denim", "youngs_modulus": modulus, "modes": 2}
         scene = Scene({"weave": weave, "cage": {"divisions": [1, 1, 1]}, "modal": modal})
         scene.update()
-        assert any("modal.youngs_modulus does not count" in text for text in scene.warnings)
+        assert any("modal.youngs_modulus has no effect" in text for text in scene.warnings)
 
 
-def test_a_given_pattern_that_a_draft_replaces_is_reported(tmp_path: Path) -> None:
+def test_pattern_replaced_by_a_draft_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("1100\n0110\n")
     for pattern, said in (({"pattern": "plain"}, True), ({}, False)):
         scene = Scene({"weave": {"draft": str(tmp_path / "a.txt"), **pattern}})
         scene.update()
-        assert any("weave.pattern does not count" in text for text in scene.warnings) == said
+        assert any("weave.pattern has no effect" in text for text in scene.warnings) == said
 
 
-def test_given_gravity_survives_records_and_copies() -> None:
+def test_given_gravity_is_kept_in_records_and_copies() -> None:
     values = {"modal": {"gravity": [0, -9.80665, 0]}, "response": {"gravity": [0, 0, "-1 g"]}}
     scene = Scene(values)
     down = (0.0, 0.0, -9.80665)
@@ -81,7 +81,7 @@ def test_given_gravity_survives_records_and_copies() -> None:
     assert "gravity" not in scene_values(Scene({"response": {}}))["response"]
 
 
-def test_a_style_that_a_scene_gives_keeps_its_background_in_a_dark_window() -> None:
+def test_given_style_keeps_its_background_in_a_dark_window() -> None:
     usual = Scene({}).view
     assert usual.for_window(dark=True).background is not None
     given = Scene({"view": {"style": usual.style}}).view

@@ -21,7 +21,7 @@ def volumes(points, tetrahedra):
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
 
 
-def test_the_papers_cage():
+def test_cage_of_the_published_experiment():
     points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.1), (5, 5, 1))
     assert points.shape == (72, 3)
     assert points.dtype == np.float64

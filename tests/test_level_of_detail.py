@@ -51,7 +51,7 @@ FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
         (replace(FEW, subdivisions=1), {"face": 1.9}, DrawingMethod.WHOLE),
     ],
 )
-def test_the_form_follows_from_numbers(
+def test_drawing_method_follows_from_counts(
     cloth: DrawnCloth, said: dict[str, bool], form: DrawingMethod
 ) -> None:
     assert choose_method(cloth, **said) is form
@@ -66,7 +66,7 @@ def test_the_form_follows_from_numbers(
         (replace(CLOTH, clearance=True), 5.0, DrawingMethod.TILES),
     ],
 )
-def test_yarns_that_are_seen_take_the_place_of_the_sheet(
+def test_visible_yarns_replace_the_sheet(
     cloth: DrawnCloth, pixels: float, form: DrawingMethod
 ) -> None:
     level = LevelOfDetail(DrawingMethod.SHEET).at_scale(cloth, pixels / cloth.spacing, SIZE)
@@ -80,7 +80,7 @@ def test_yarns_that_are_seen_take_the_place_of_the_sheet(
         assert LevelOfDetail(other).at_scale(cloth, 1e4, SIZE).method is other
 
 
-def test_facets_follow_the_width_of_a_yarn() -> None:
+def test_facets_depend_on_the_width_of_a_yarn() -> None:
     plied = replace(FEW, plies=3)
     far, near, nearest = (
         LevelOfDetail().at_scale(plied, pixels / plied.width, SIZE) for pixels in (8, 18, 1000)
@@ -94,7 +94,7 @@ def test_facets_follow_the_width_of_a_yarn() -> None:
         assert LevelOfDetail().at_scale(fixed, 1000 / plied.width, SIZE).near_quads == 0
 
 
-def test_the_window_makes_what_is_in_view_unless_it_is_thin_or_too_much() -> None:
+def test_window_builds_yarns_in_view_unless_too_thin_or_too_many() -> None:
     scale = 10 / CLOTH.spacing
     assert choose_near(CLOTH, scale, 10_000, SIZE).method is DrawingMethod.NEAR
     assert choose_near(CLOTH, 2.9 / CLOTH.spacing, 10_000, SIZE).method is DrawingMethod.SHEET
@@ -104,7 +104,7 @@ def test_the_window_makes_what_is_in_view_unless_it_is_thin_or_too_much() -> Non
     assert few.sides > many.sides
 
 
-def test_what_is_no_cloth_is_drawn_whole() -> None:
+def test_objects_are_drawn_whole() -> None:
     scene = Scene.read(library.find("tube_bundle"))
     assert not scene.woven
     assert DrawnCloth.from_scene(scene) is None
@@ -115,7 +115,7 @@ def test_what_is_no_cloth_is_drawn_whole() -> None:
     assert choose_level(jammed).method is DrawingMethod.WHOLE
 
 
-def test_a_cloth_of_one_end_has_no_distances_to_compare() -> None:
+def test_cloth_of_one_end_suits_the_shader() -> None:
     single = DrawnCloth.from_scene(Scene({"weave": {"ends": 1, "picks": 1}}))
     assert single is not None
     assert single.suits_shader

@@ -19,7 +19,7 @@ from spacemap_vtk.scenes.scene import Scene
     ("load", "message"),
     [
         ({"pressure": 1}, r"loads\[0\]\.on: a pressure needs a place"),
-        ({"pressure": 1, "on": "z"}, r'loads\[0\]\.on = "z": not one of the choices'),
+        ({"pressure": 1, "on": "z"}, r'loads\[0\]\.on = "z": must be one of the choices'),
         ({"force": [0, 0, 1]}, r"loads\[0\]\.at: a force needs a place"),
         ({"gravity": [0, 0, 1], "rise": 1}, r'loads\[0\]\.rise: time = "step" does not use this'),
         (

@@ -59,7 +59,7 @@ CLEARANCE = {"color": "clearance"}
         pytest.param("sheet", 2000, "auto", [0.1], {}, marks=pytest.mark.nightly),
     ],
 )
-def test_the_estimate_of_a_picture_is_right_within_a_factor_of_two(
+def test_estimate_for_a_picture_is_within_a_factor_of_two(
     form: str, yarns: int, subdivisions: int | str, times: list[float], view: dict[str, str]
 ) -> None:
     values = {
@@ -141,7 +141,7 @@ FILM = {"times": FRAMES, "subdivisions": 3, "tolerance": 2e-6}
         ),
     ],
 )
-def test_the_estimate_of_an_export_is_right_within_a_factor_of_two(
+def test_estimate_for_an_export_is_within_a_factor_of_two(
     ending: str, yarns: int, what: str, values: Any, told: Any, tmp_path: Path
 ) -> None:
     order = json.dumps([what, values, told])
@@ -164,7 +164,7 @@ def test_the_estimate_of_an_export_is_right_within_a_factor_of_two(
     assert peak / 2 < estimate < 2 * peak
 
 
-def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
+def test_too_large_picture_is_refused_before_allocation(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # Of yarns that are drawn one after another there would be too many facets.
@@ -190,18 +190,16 @@ def test_a_picture_that_would_not_fit_is_refused_before_anything_is_taken(
     choose_level(scene, request)
 
 
-def test_a_sheet_that_would_not_fit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_large_sheet_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 800, "picks": 800}})
     size = choose_level(scene, PictureRequest((640, 480))).bytes
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: size - 1)
-    with pytest.raises(
-        SizeError, match=r"view\.size: a picture of 800 x 800 yarns, as a sheet, wou"
-    ):
+    with pytest.raises(SizeError, match=r"view\.size: a picture of 800 x 800 yarns as a sheet wou"):
         Picture(scene, [0.0], (640, 480))
     assert scene.source.executions == 0
 
 
-def test_a_draft_that_no_machine_can_draw(
+def test_draft_too_large_for_any_machine_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["weave.ends=200", "weave.picks=200", "surface.subdivisions=64"]
@@ -214,14 +212,16 @@ def test_a_draft_that_no_machine_can_draw(
     assert message.count("\n") == 1
 
 
-def test_what_rides_along_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_embedded_points_are_refused_before_allocation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     scene = Scene({"weave": {"ends": 9, "picks": 9}, "response": {}})
     scene.update_stage(scene.response, 0.1)
     points = scene.source.GetOutputDataObject(0).GetNumberOfPoints()
     monkeypatch.setattr("spacemap_vtk.memory.NEVER_REFUSED", 0)
     size = barycentric_warp.estimate_bytes(points)
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: size - 1)
-    with pytest.raises(SizeError, match=f"to carry {points} points along"):
+    with pytest.raises(SizeError, match=f"to embed {points} points in the cage"):
         scene.update_stage(scene.warp, 0.1)
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: size)
     scene.update_stage(scene.warp, 0.1)

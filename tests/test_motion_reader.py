@@ -186,8 +186,8 @@ def test_scene_with_a_motion_runs(tmp_path: Path, capsys: pytest.CaptureFixture[
     with pytest.raises(SystemExit) as caught:
         main(("modes", str(file)))
     assert caught.value.code == 2
-    assert "a motion out of a file, so no modes" in capsys.readouterr().err
-    with pytest.raises(InputError, match=r"\[motion\] has no \[response\]"):
+    assert "a motion from a file and therefore no modes" in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"response: cannot be combined with \[motion\]"):
         Scene({"motion": {"file": "a.pvd"}, "response": {}})
 
 

@@ -34,7 +34,7 @@ def moved(scene: Scene, time: float = 0.012) -> Any:
 
 
 @pytest.mark.parametrize("begin", ["response", "transient"])
-def test_it_is_what_a_scene_file_would_say(begin: str) -> None:
+def test_motion_equals_that_of_a_scene_file(begin: str) -> None:
     scene = Scene({**CAGE, begin: SHARED})
     given = require_loads(scene)
     for name, (sections, _) in [*MOTIONS.items(), *reversed(MOTIONS.items())]:
@@ -45,7 +45,7 @@ def test_it_is_what_a_scene_file_would_say(begin: str) -> None:
     assert scene.modal.executions == 1
 
 
-def test_damping_ratios_carry_over() -> None:
+def test_damping_ratios_are_transferred() -> None:
     scene = Scene({**CAGE, "response": {"damping_ratio": [0.04, 0.1]}})
     set_motion(scene, "transient", require_loads(scene))
     scene.update(time=0.001)
@@ -54,7 +54,7 @@ def test_damping_ratios_carry_over() -> None:
     assert modes[-1]["damping_ratio"] == pytest.approx(0.1)
 
 
-def test_what_does_not_carry_over_is_told() -> None:
+def test_lost_settings_are_reported() -> None:
     scene = Scene({**CAGE, "transient": {"held": "-y"}})
     set_motion(scene, "response", require_loads(scene))
     assert any("[transient] holds" in text for text in scene.warnings)
@@ -66,7 +66,7 @@ def run(*arguments: str) -> int:
     return int(ended.value.code or 0)
 
 
-def test_a_storyboard_has_a_row_for_each(tmp_path: Path) -> None:
+def test_storyboard_has_a_row_for_each_motion(tmp_path: Path) -> None:
     file = tmp_path / "board.png"
     board = ["storyboard", "swing", "--times", "0,0.3,1", "--size", "300x240", "-q"]
     board += ["--set", "transient.tolerance=0.01", "-o", str(file)]
@@ -90,7 +90,7 @@ def test_a_storyboard_has_a_row_for_each(tmp_path: Path) -> None:
         ("calculix_fabric", "response", ["[response] or [transient]"]),
     ],
 )
-def test_other_motions_are_refused(
+def test_unknown_motions_are_refused(
     scene: str, motions: str, told: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "board.png"

@@ -24,7 +24,7 @@ def info(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return capsys.readouterr().out
 
 
-def test_an_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_figures_of_an_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cup = pv.Sphere(radius=0.5, theta_resolution=12, phi_resolution=12).clip("z")
     cup.cell_data["part"] = np.arange(cup.n_cells, dtype=np.int32)
     file = tmp_path / "cup.vtp"
@@ -47,7 +47,7 @@ def test_an_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert '"part"' in text
 
 
-def test_a_painted_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_object_with_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pv.Plane().save(tmp_path / "plane.vtp")
     Image.new("RGB", (30, 20)).save(tmp_path / "a.png")
     words = [str(tmp_path / "plane.vtp"), "--set", f"object.texture={tmp_path / 'a.png'}"]
@@ -55,7 +55,7 @@ def test_a_painted_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert "30 x 20 pixels" in info(capsys, *words)
 
 
-def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pv.Sphere(radius=0.5).save(tmp_path / "ball.ply")
     vertices, cells = build_lattice((-0.4, 0.4, -0.6, 0.6, -0.6, 0.6), (2, 2, 2))
     grid = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, vertices)
@@ -75,7 +75,7 @@ def test_a_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert told in info(capsys, str(scene))
 
 
-def test_no_modes_are_solved(tmp_path: Path) -> None:
+def test_report_does_not_solve_modes(tmp_path: Path) -> None:
     pv.Sphere().save(tmp_path / "ball.ply")
     scene = Scene({"object": {"file": str(tmp_path / "ball.ply")}, "cage": {}})
     assert report_object(scene)["cage"]["tetrahedra"] == 5 * 8**3
@@ -83,7 +83,7 @@ def test_no_modes_are_solved(tmp_path: Path) -> None:
     assert scene.modal.executions == scene.response.executions == 0
 
 
-def test_pieces_hang_together_by_faces() -> None:
+def test_pieces_are_connected_through_faces() -> None:
     cells = build_lattice((0, 1, 0, 1, 0, 1), (3, 1, 1))[1]
     assert count_parts(cells)[0] == [15]
     assert count_parts(np.concatenate((cells[:5], cells[10:])))[0] == [5, 5]

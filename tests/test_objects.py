@@ -86,7 +86,7 @@ VRML = (
 
 
 @pytest.mark.parametrize(("ending", "content"), [("3ds", scene_of_3ds()), ("wrl", VRML)])
-def test_a_scene_is_read_without_a_plotter(
+def test_3ds_file_is_read_without_a_plotter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, content: bytes
 ) -> None:
     """A plotter needs OpenGL: where its libraries are missing, to open one crashes."""
@@ -123,7 +123,7 @@ def test_formats_of_other_programs(tmp_path: Path, ending: str) -> None:
     np.testing.assert_allclose(found.bounds, grid.bounds, atol=1e-6)
 
 
-def test_blocks_of_several_kinds_keep_their_arrays(tmp_path: Path) -> None:
+def test_blocks_of_different_types_keep_their_arrays(tmp_path: Path) -> None:
     line = pv.Line((0, 0, 0), (0, 0, 5))
     line["along"] = np.array([1.0, 2.0])
     box = pv.ImageData(dimensions=(2, 2, 2))
@@ -142,7 +142,7 @@ def test_blocks_of_several_kinds_keep_their_arrays(tmp_path: Path) -> None:
     assert (colours[-2:] == 255).all()
 
 
-def test_scale_rotate_place(tmp_path: Path) -> None:
+def test_object_is_scaled_rotated_and_moved(tmp_path: Path) -> None:
     file = tmp_path / "ball.vtp"
     mesh = ball()
     mesh.save(file)
@@ -170,7 +170,7 @@ def warped(mesh: pv.DataSet, motion: np.ndarray) -> BarycentricWarp:
     return warp
 
 
-def test_normals_turn_with_the_surface() -> None:
+def test_normals_rotate_with_the_surface() -> None:
     """The normals of an ellipsoid in closed form: the gradient of its equation."""
     mesh = pv.Sphere(radius=1.0)
     mesh.points = mesh.points.astype(np.float64)
@@ -189,7 +189,7 @@ def test_normals_turn_with_the_surface() -> None:
     np.testing.assert_allclose(np.linalg.norm(cells, axis=1), 1, atol=1e-6)
 
 
-def test_texture_coordinates_and_colours_stay() -> None:
+def test_texture_coordinates_and_colours_are_kept() -> None:
     mesh = pv.Plane(i_resolution=4, j_resolution=4)
     mesh.point_data["RGB"] = np.arange(75, dtype=np.uint8).reshape(25, 3)
     found = pv.wrap(warped(mesh, np.eye(3) * 2).GetOutputDataObject(0))
@@ -214,7 +214,7 @@ def test_higher_order_cells_move_by_their_control_points() -> None:
     np.testing.assert_allclose(after.points, before.points @ motion.T, atol=1e-6)
 
 
-def test_points_alone_are_drawn(tmp_path: Path) -> None:
+def test_points_without_cells_are_drawn(tmp_path: Path) -> None:
     """A scan is often nothing but points."""
     file = tmp_path / "scan.ply"
     lines = "".join(f"{x} {x * x} {1 - x}\n" for x in np.linspace(0, 1, 20))
@@ -226,7 +226,7 @@ def test_points_alone_are_drawn(tmp_path: Path) -> None:
     assert scene.polygons.GetNumberOfVerts() == 20
 
 
-def test_roles_of_arrays_outlast_the_surface() -> None:
+def test_attribute_types_of_arrays_are_kept() -> None:
     """Normals shade, and texture coordinates paint, a volume's surface too."""
     grid = ball().texture_map_to_sphere().cast_to_unstructured_grid()
     stage = PatchTessellator()
@@ -241,7 +241,7 @@ def test_roles_of_arrays_outlast_the_surface() -> None:
     assert found.point_data.active_scalars_name == grid.point_data.active_scalars_name
 
 
-def test_the_surface_of_a_volume_is_found_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_surface_of_a_volume_is_extracted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     import spacemap_vtk.datasets.surface_extract as module
 
     calls = []
@@ -270,7 +270,7 @@ def test_the_surface_of_a_volume_is_found_once(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("kind", ["surface", "volume", "lines", "points", "colours"])
-def test_a_picture_of_anything(tmp_path: Path, kind: str) -> None:
+def test_every_kind_of_object_is_drawn(tmp_path: Path, kind: str) -> None:
     file = tmp_path / "thing.vtk"
     mesh: pv.DataSet = {
         "surface": ball,
@@ -323,7 +323,7 @@ def refused(tmp_path: Path, content: bytes | None, ending: str = ".ply") -> str:
     return text
 
 
-def test_bad_files_are_refused_in_words(tmp_path: Path) -> None:
+def test_bad_files_are_refused_with_a_message(tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path, None)
     assert "empty" in refused(tmp_path, b"")
     ball().save(tmp_path / "whole.ply")
@@ -335,7 +335,7 @@ def test_bad_files_are_refused_in_words(tmp_path: Path) -> None:
     refused(tmp_path, whole[: len(whole) // 2], ".vtp")
     refused(tmp_path, b"<VTKFile>", ".vtu")
     refused(tmp_path, b"x", ".unknown")
-    with pytest.raises(InputError, match="no file is named"):
+    with pytest.raises(InputError, match="no file is given"):
         ObjectSource().update()
 
 
@@ -347,7 +347,7 @@ REFUSED = r"a\.png.*(not a picture|too large|memory)"
     [(0, b"no picture"), (16, b"\0\0\xff\xff"), (33, b"\xff\0\0\0"), (43, b"\xff" * 8)],
     ids=["name", "size", "length", "data"],
 )
-def test_a_damaged_picture_is_refused(tmp_path: Path, place: int, put: bytes) -> None:
+def test_damaged_picture_is_refused(tmp_path: Path, place: int, put: bytes) -> None:
     """Found by fuzzing: lengths and sizes that a picture only claims were taken for memory."""
     Image.fromarray(np.eye(40, dtype=bool)).save(tmp_path / "whole.png")
     content = bytearray((tmp_path / "whole.png").read_bytes())
@@ -364,7 +364,7 @@ def test_a_damaged_picture_is_refused(tmp_path: Path, place: int, put: bytes) ->
     tracemalloc.stop()
 
 
-def test_a_library_in_c_prints_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_c_libraries_print_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Found by fuzzing: libtiff wrote on standard error."""
     Image.fromarray(np.eye(8, dtype=bool)).save(
         tmp_path / "a.tif", compression="tiff_adobe_deflate"
@@ -389,7 +389,7 @@ def test_points_that_are_not_finite_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["obj", "ply", "vtk", "vtu"])
-def test_cells_of_points_that_are_not_there(tmp_path: Path, kind: str) -> None:
+def test_cells_with_invalid_points_are_refused(tmp_path: Path, kind: str) -> None:
     points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
     texts = {
         "obj": "".join(f"v {p}\n" for p in points.splitlines()) + "f 1 2 9\n",
@@ -410,7 +410,7 @@ def test_cells_of_points_that_are_not_there(tmp_path: Path, kind: str) -> None:
     assert "a cell refers to point" in text or "f 1 2 9" in text
 
 
-def test_a_file_that_is_mended_is_read_again(tmp_path: Path) -> None:
+def test_repaired_file_is_read_again(tmp_path: Path) -> None:
     file = tmp_path / "late.vtp"
     source = ObjectSource(file=file)
     with pytest.raises(InputError, match="no such file"):
@@ -420,13 +420,13 @@ def test_a_file_that_is_mended_is_read_again(tmp_path: Path) -> None:
     assert source.GetOutputDataObject(0).GetNumberOfPoints() == ball().n_points
 
 
-def test_an_object_takes_the_weaves_place() -> None:
+def test_object_replaces_the_weave() -> None:
     with pytest.raises(InputError, match=r"\[object\].*\[weave\]"):
         Scene({"object": {"file": "a.ply"}, "weave": {}})
 
 
 @pytest.mark.parametrize("scale", [0.01, 30.0])
-def test_what_nobody_says_suits_an_object_of_any_size(tmp_path: Path, scale: float) -> None:
+def test_automatic_values_suit_objects_of_any_size(tmp_path: Path, scale: float) -> None:
     """The ant hung by one vertex, in a gravity to its side: it stands on its feet."""
     feet = [pv.Cone(center=(x, y, 0.5), direction=(0, 0, -1)) for x in (0, 3) for y in (0, 2)]
     body = pv.Box((-0.5, 3.5, 0.5, 1.5, 1.0, 2.0))

@@ -94,7 +94,7 @@ def points(stage: Any) -> np.ndarray[Any, Any]:
         (lambda c: c.modal.configure(youngs_modulus="1 kPa", modes=12), [0, 0, 0, 0, 0, 0]),
     ],
 )
-def test_only_what_lies_downstream_of_a_change_runs(
+def test_only_stages_downstream_of_a_change_run(
     change: Callable[[Chain], None], runs: list[int]
 ) -> None:
     chain = Chain()
@@ -105,7 +105,7 @@ def test_only_what_lies_downstream_of_a_change_runs(
     assert chain.counts == [1 + n for n in runs]
 
 
-def test_a_new_time_runs_response_warp_and_surface_and_the_same_time_nothing() -> None:
+def test_new_time_runs_response_warp_and_surface_only() -> None:
     chain = Chain()
     chain.update(time=0.0)
     chain.update(time=0.1)
@@ -118,7 +118,7 @@ def test_a_new_time_runs_response_warp_and_surface_and_the_same_time_nothing() -
     assert np.abs(point_array(chain.surface, "displacement")).max() == 0
 
 
-def test_the_time_range_reaches_the_end_of_the_pipeline() -> None:
+def test_time_range_reaches_the_last_stage() -> None:
     chain = Chain()
     chain.response.duration = 3.0
     chain.surface.UpdateInformation()
@@ -129,7 +129,7 @@ def test_the_time_range_reaches_the_end_of_the_pipeline() -> None:
         assert not stage.GetOutputInformation(0).Has(key)
 
 
-def test_steps_are_offered_over_the_duration_and_no_time_snaps_to_them() -> None:
+def test_time_steps_are_offered_and_other_times_are_exact() -> None:
     chain = Chain()
     chain.response.configure(duration=0.5, frames=6)
     chain.surface.UpdateInformation()
@@ -159,7 +159,7 @@ def test_steps_are_offered_over_the_duration_and_no_time_snaps_to_them() -> None
             chain.response.frames = frames
 
 
-def test_the_time_of_a_first_run_is_known_to_the_next() -> None:
+def test_time_of_the_first_run_is_reused() -> None:
     chain = Chain()
     chain.update()
     chain.update(time=0.0)
@@ -179,7 +179,7 @@ def test_the_time_of_a_first_run_is_known_to_the_next() -> None:
     assert again.executions == 2
 
 
-def test_weights_are_kept_until_geometry_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weights_are_reused_until_the_geometry_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     import spacemap_vtk.filters.barycentric_warp as module
 
     calls = []
@@ -203,7 +203,7 @@ def test_weights_are_kept_until_geometry_changes(monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(points(chain.warp), points(chain.weave), atol=1e-15)
 
 
-def test_an_equal_mesh_read_again_keeps_the_weights(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_equal_mesh_read_again_reuses_the_weights(monkeypatch: pytest.MonkeyPatch) -> None:
     import spacemap_vtk.filters.barycentric_warp as module
 
     calls = []
@@ -227,7 +227,7 @@ def test_an_equal_mesh_read_again_keeps_the_weights(monkeypatch: pytest.MonkeyPa
 # --- as VTK's own, from 9.4 on ------------------------------------------------------------------
 
 
-def test_arrows_calls_and_outputs_are_vtks_own() -> None:
+def test_operators_calls_and_outputs_are_those_of_vtk() -> None:
     chain = Chain()
     for stage in chain.stages:
         for port in range(stage.GetNumberOfInputPorts()):
@@ -261,7 +261,7 @@ def test_arrows_calls_and_outputs_are_vtks_own() -> None:
     np.testing.assert_array_equal((ball >> surface)().GetBounds(), ball.update().output.GetBounds())
 
 
-def test_a_stage_called_with_data_keeps_its_connections() -> None:
+def test_calling_a_stage_with_data_keeps_its_connections() -> None:
     chain = Chain()
     chain.update(0.05)
     usual = points(chain.warp)
@@ -278,7 +278,7 @@ def test_a_stage_called_with_data_keeps_its_connections() -> None:
     chain.warp.update()
     np.testing.assert_array_equal(points(chain.warp), usual)
     surface = PatchTessellator()
-    with pytest.raises(InputError, match="nothing connected to input port 0"):
+    with pytest.raises(InputError, match=r"input port 0 of \w+ is not connected"):
         surface()
     with pytest.raises(InputError, match="too many inputs for PatchTessellator: 2; allowed: 1"):
         surface(patches, patches)
@@ -291,7 +291,7 @@ def test_a_stage_called_with_data_keeps_its_connections() -> None:
 # --- what is right -----------------------------------------------------------------------------
 
 
-def test_the_papers_cage() -> None:
+def test_cage_of_the_published_experiment() -> None:
     weave, cage = WeaveSource(ends=7, picks=7), TetraCage(divisions=(5, 5, 1))
     cage.SetInputConnection(weave.GetOutputPort())
     modal = ModalSolver(modes=180, fixed="+y")
@@ -351,7 +351,7 @@ def test_displacement_and_velocity_equal_the_unreduced_system(
 @given(
     st.lists(st.floats(-2, 2), min_size=12, max_size=12), st.sampled_from([0.0, 1e-3, -0.1, 0.4])
 )
-def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift: float) -> None:
+def test_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift: float) -> None:
     matrix, offset = np.reshape(numbers[:9], (3, 3)), np.array(numbers[9:])
     weave, cage = WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 3, 1))
     cage.SetInputConnection(weave.GetOutputPort())
@@ -376,7 +376,7 @@ def test_an_affine_motion_of_the_cage_is_reproduced(numbers: list[float], shift:
     assert bool(warp.warnings) == (shift != 0.0)
 
 
-def test_any_point_set_can_ride_and_keeps_its_type() -> None:
+def test_any_point_set_can_be_warped_and_keeps_its_type() -> None:
     chain = Chain()
     chain.update(time=0.05)
     sphere = vtkSphereSource()
@@ -405,7 +405,7 @@ def test_any_point_set_can_ride_and_keeps_its_type() -> None:
 # --- what is freed -----------------------------------------------------------------------------
 
 
-def test_a_stage_outlives_the_garbage_that_held_it() -> None:
+def test_stage_survives_collection_of_its_python_owner() -> None:
     class Page:
         weave: WeaveSource
         me: Page
@@ -433,7 +433,7 @@ class Through(Stage):
 
 
 @pytest.mark.parametrize("asked", [{}, {"time": 0.5}, {"piece": Piece(0, 1)}])
-def test_an_update_keeps_pythons_lock(asked: dict[str, Any]) -> None:
+def test_update_keeps_the_interpreter_lock(asked: dict[str, Any]) -> None:
     # VTK's collector may need it, holding a lock of its own that a thread with Python's waits for.
     ticks, ended = [], threading.Event()
 

@@ -157,4 +157,4 @@ def test_a_motion_by_steps_has_its_energies_plotted(
     # A line for each axis, and for each energy.
     assert file.read_text().count('<g id="legend_') == 2
     assert run("plot", "calculix_fabric", "-o", str(file)) == 2
-    assert "a motion out of a file" in capsys.readouterr().err
+    assert "a motion from a file" in capsys.readouterr().err

@@ -32,7 +32,7 @@ areal_mass = "0.15 kg/m2"
 """
 
 
-def test_hanging_and_modes_are_steps_of_their_own() -> None:
+def test_hanging_and_modes_report_separate_progress() -> None:
     solver = ModalSolver(elements="sheet", gravity=(0, 0, -9.8), modes=5)
     told: list[tuple[str, float]] = []
     solver.AddObserver(
@@ -59,7 +59,7 @@ def test_hanging_and_modes_are_steps_of_their_own() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a terminal that a program can read")
-def test_an_equilibrium_is_shown_and_can_be_interrupted(tmp_path: Path) -> None:
+def test_equilibrium_reports_progress_and_can_be_interrupted(tmp_path: Path) -> None:
     import pty
 
     scene, picture = tmp_path / "drape.toml", tmp_path / "drape.png"

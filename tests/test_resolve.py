@@ -71,10 +71,10 @@ def test_diameter_is_peirces(ne: float) -> None:
         ("30", "out of range"),
         ("0 Ne", "the yarn count must be more than 0"),
         ("20 Ne 3", "not known"),
-        ("fine", "not a number"),
+        ("fine", "must be a number"),
         ("-3 tex", "out of range"),
         (-1, "out of range"),
-        (True, "not a number"),
+        (True, "must be a number"),
     ],
 )
 def test_what_is_no_yarn_count(text: Any, said: str) -> None:
@@ -202,11 +202,11 @@ def test_counts_yarn_by_yarn() -> None:
 @pytest.mark.parametrize(
     ("value", "said"),
     [
-        (["0.2 mm", "x"], 'value 2, "x": not a number'),
-        ([], "an empty list"),
+        (["0.2 mm", "x"], 'value 2, "x": must be a number'),
+        ([], "must not be an empty list"),
         ("0.2 mm,", "value 2"),
         ([0.1, -1], "value 2, -1: out of range"),
-        ({}, "an empty list"),
+        ({}, "must not be an empty list"),
     ],
 )
 def test_a_bad_list_names_the_value(value: Any, said: str) -> None:

@@ -33,7 +33,7 @@ def displacement(scene: Scene) -> np.ndarray:
     return vtk_to_numpy(scene.deformed_cage.GetPointData().GetArray("displacement"))
 
 
-def the_papers_experiment(scene: Scene) -> None:
+def check_published_experiment(scene: Scene) -> None:
     scene.update(0.0)
     grid = scene.deformed_cage
     assert (grid.GetNumberOfPoints(), grid.GetNumberOfCells()) == (72, 125)
@@ -53,7 +53,7 @@ def the_papers_experiment(scene: Scene) -> None:
     assert swung / static == pytest.approx(1 + decay, rel=0.03)
 
 
-def half_a_swing(scene: Scene) -> tuple[float, float]:
+def measure_half_period(scene: Scene) -> tuple[float, float]:
     """Return the largest swing over the static sag, and what a single mode would give."""
     scene.update(0.0)
     omega = math.sqrt(vtk_to_numpy(scene.deformed_cage.GetFieldData().GetArray("eigenvalues"))[0])
@@ -69,8 +69,8 @@ def cage_mass(scene: Scene) -> float:
     return float(vtk_to_numpy(scene.deformed_cage.GetPointData().GetArray("nodal_mass")).sum())
 
 
-def an_animal_of_jelly(scene: Scene) -> None:
-    swung, expected = half_a_swing(scene)
+def check_soft_animal(scene: Scene) -> None:
+    swung, expected = measure_half_period(scene)
     assert swung == pytest.approx(expected, rel=0.1)
     # one piece round the whole animal, and heavier than it, but not by the whole box
     assert not any("pieces" in text or "outside" in text for text in scene.warnings)
@@ -78,7 +78,7 @@ def an_animal_of_jelly(scene: Scene) -> None:
     assert 1.0 < cage_mass(scene) / own < 2.5
 
 
-def a_steel_lever(scene: Scene) -> None:
+def check_steel_lever(scene: Scene) -> None:
     """fTetWild's mesh differs from run to run; its mass is the part's."""
     scene.update(0.0)
     part = pv.wrap(scene.source.GetOutputDataObject(0))
@@ -90,11 +90,11 @@ def a_steel_lever(scene: Scene) -> None:
     first = scene.deformed_cage.GetFieldData().GetArray("frequencies").GetValue(0)
     assert first == pytest.approx(300.0, rel=0.06)
     # Held so that it cannot turn: it rings, and little more than its first mode.
-    swung, expected = half_a_swing(scene)
+    swung, expected = measure_half_period(scene)
     assert swung == pytest.approx(expected, rel=0.15)
 
 
-def a_bundle_as_a_beam(scene: Scene) -> None:
+def check_tube_bundle(scene: Scene) -> None:
     """First frequency of the cage against Euler's cantilever; linear tetrahedra are stiffer."""
     scene.update(0.0)
     x0, x1, y0, y1, z0, z1 = scene.deformed_cage.GetBounds()
@@ -105,11 +105,11 @@ def a_bundle_as_a_beam(scene: Scene) -> None:
     first = scene.deformed_cage.GetFieldData().GetArray("frequencies").GetValue(0)
     # shear and rotary inertia take off some percent, the elements put on some more
     assert 0.95 < first / euler < 1.3
-    swung, expected = half_a_swing(scene)
+    swung, expected = measure_half_period(scene)
     assert swung == pytest.approx(expected, rel=0.1)
 
 
-def a_fabric_on_calculix(scene: Scene) -> None:
+def check_calculix_fabric(scene: Scene) -> None:
     scene.update(0.0)
     assert np.abs(displacement(scene)).max() == 0.0
     rest = vtk_to_numpy(scene.patches.GetPoints().GetData()).copy()
@@ -129,13 +129,13 @@ def a_fabric_on_calculix(scene: Scene) -> None:
     assert chord == pytest.approx(1.0, abs=0.08)
 
 
-def is_still_and_feasible(scene: Scene) -> None:
+def check_still_and_feasible(scene: Scene) -> None:
     scene.update()
     assert not scene.moves
     assert scene.polygons.GetNumberOfCells() > 0
 
 
-def the_gust(scene: Scene) -> None:
+def check_gust(scene: Scene) -> None:
     # It hangs exactly as the whole stiffness matrix says, though few of its modes are kept.
     scene.update(0.0)
     model = scene.response.motion.modes.model
@@ -153,7 +153,7 @@ def the_gust(scene: Scene) -> None:
     assert sum(parts) == pytest.approx(work, rel=1e-10)
 
 
-def a_twill_of_counted_yarns(scene: Scene) -> None:
+def check_twill_of_counted_yarns(scene: Scene) -> None:
     figures = report.report_fabric(scene)
     assert figures["warp"]["tex"] == pytest.approx(30)
     assert figures["weft"]["tex"] == pytest.approx(30)
@@ -168,7 +168,7 @@ def a_twill_of_counted_yarns(scene: Scene) -> None:
     assert abs(figures["least_clearance"]["distance"]) < 1e-15
 
 
-def a_satin(shafts: int, step: int) -> Callable[[Scene], None]:
+def check_satin(shafts: int, step: int) -> Callable[[Scene], None]:
     def check(scene: Scene) -> None:
         figures = report.report_fabric(scene)
         assert figures["repeat"] == [shafts, shafts]
@@ -182,7 +182,7 @@ def a_satin(shafts: int, step: int) -> Callable[[Scene], None]:
     return check
 
 
-def a_basket(scene: Scene) -> None:
+def check_basket(scene: Scene) -> None:
     figures = report.report_fabric(scene)
     assert figures["drawdown"][0].startswith("1100")
     # a yarn changes side at every other crossing: half of Peirce's crimp, but for the edge
@@ -197,7 +197,7 @@ def a_basket(scene: Scene) -> None:
     assert figures["warp"]["theta_deg"] == pytest.approx(theta)
 
 
-def a_tartan(scene: Scene) -> None:
+def check_tartan(scene: Scene) -> None:
     cloth = scene.woven.cloth
     assert len(np.unique(cloth.warp.colors, axis=0)) == 4
     np.testing.assert_array_equal(cloth.warp.colors[0], cloth.warp.colors[14])
@@ -206,7 +206,7 @@ def a_tartan(scene: Scene) -> None:
     assert abs(report.report_fabric(scene)["least_clearance"]["distance"]) < 1e-15
 
 
-def a_real_draft(scene: Scene) -> None:
+def check_real_draft(scene: Scene) -> None:
     figures = report.report_fabric(scene)
     assert (figures["ends"], figures["picks"]) == (62, 62)
     assert figures["warp"]["section"] == "racetrack"
@@ -215,7 +215,7 @@ def a_real_draft(scene: Scene) -> None:
     assert abs(figures["least_clearance"]["distance"]) < 1e-15
 
 
-def a_double_cloth(scene: Scene) -> None:
+def check_double_cloth(scene: Scene) -> None:
     cloth = scene.woven.cloth
     found = find_layers(cloth.drawdown)
     assert found is not None
@@ -237,19 +237,19 @@ def half_the_yarns(ends: int, picks: int, spacing: str) -> tuple[str, ...]:
 
 
 CHECKS: dict[str, Callable[[Scene], None]] = {
-    "basket_2": a_basket,
-    "double_weave": a_double_cloth,
-    "gust": the_gust,
-    "handweaving": a_real_draft,
-    "plain_weave": the_papers_experiment,
-    "satin_5_2": a_satin(5, 2),
-    "satin_8_3": a_satin(8, 3),
-    "tartan": a_tartan,
-    "twill_2_2": a_twill_of_counted_yarns,
-    "animal_in_carved_cage": an_animal_of_jelly,
-    "calculix_fabric": a_fabric_on_calculix,
-    "lever_in_tetwild_cage": a_steel_lever,
-    "tube_bundle": a_bundle_as_a_beam,
+    "basket_2": check_basket,
+    "double_weave": check_double_cloth,
+    "gust": check_gust,
+    "handweaving": check_real_draft,
+    "plain_weave": check_published_experiment,
+    "satin_5_2": check_satin(5, 2),
+    "satin_8_3": check_satin(8, 3),
+    "tartan": check_tartan,
+    "twill_2_2": check_twill_of_counted_yarns,
+    "animal_in_carved_cage": check_soft_animal,
+    "calculix_fabric": check_calculix_fabric,
+    "lever_in_tetwild_cage": check_steel_lever,
+    "tube_bundle": check_tube_bundle,
     **hung_scenes.CHECKS,
 }
 
@@ -290,7 +290,7 @@ def test_scene(name: str, changes: tuple[str, ...]) -> None:
     # The yarns' colours differ from the background's pale blue, in a good part of the picture.
     coloured = np.ptp(image, axis=2) > 40
     assert 0.02 < coloured.mean() < 0.9
-    CHECKS.get(name, is_still_and_feasible)(scene)
+    CHECKS.get(name, check_still_and_feasible)(scene)
 
 
 def test_the_cells_of_the_drape_are_at_most_half_as_wide_as_its_bending_length() -> None:
@@ -302,7 +302,7 @@ def test_the_cells_of_the_drape_are_at_most_half_as_wide_as_its_bending_length()
     assert widths.max() <= (scene.modal.bending_rigidity / weight) ** (1 / 3) / 2
 
 
-def test_the_film_shows_cage_and_fabric_moving() -> None:
+def test_film_shows_cage_and_fabric_moving() -> None:
     scene = Scene.read("plain_weave")
     times = [0.0, 0.02]
     picture = Picture(scene, times, (240, 120))
@@ -345,7 +345,7 @@ def test_pipeline_scripts_run_without_a_warning(draws: bool) -> None:
         assert end, script
 
 
-def test_the_readmes_python_runs() -> None:
+def test_python_of_the_readme_runs() -> None:
     code = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     assert len(code) == 1
     assert len(code[0].strip().splitlines()) <= 10
@@ -358,7 +358,7 @@ def test_the_readmes_python_runs() -> None:
     assert names["modal"].warnings  # type: ignore[attr-defined]
 
 
-def test_the_documentation_names_every_command() -> None:
+def test_documentation_names_every_command() -> None:
     from spacemap_vtk.cli.main import app
 
     pages = (ROOT / "README.md", *(ROOT / "docs" / "how-to").glob("*.md"))

@@ -160,7 +160,7 @@ def test_referenced_files_are_found(home, file, text):
         assert [other for _, other in file_references(path)][-1] == home / word
     scene = _scene(home, f'[object]\nfile = "{file}"\n')
     (reported,) = describe_outside_files(scene)
-    assert reported.startswith(f"{path} names {home.parent / 'other/far.dat'}")
+    assert reported.startswith(f"{path} refers to {home.parent / 'other/far.dat'}")
     path.write_text(text.format("//host/share/x"))
     reader = registry.reader(path, "motion") or registry.reader(path, "mesh")
     assert reader is not None
@@ -193,7 +193,7 @@ def test_links_in_hdf5_files_are_found(home):
 
 @pytest.mark.parametrize("word", ["//host/share/a.wif", r"\\host\share\a.wif", r"\\?\UNC\h\s\a"])
 def test_paths_on_other_machines_are_refused(tmp_path, word):
-    with pytest.raises(InputError, match="it is on another machine"):
+    with pytest.raises(InputError, match="must not be on another machine"):
         WeaveSource.parameters["draft"].resolve_path(word, tmp_path)
 
 

@@ -165,7 +165,7 @@ def test_beside_linear_cells_the_corners_are_used() -> None:
     made = pv.wrap(volume.grid)
     assert (made.n_points, made.n_cells) == (16, 12)
     np.testing.assert_array_equal(made["number"], made["original_point"])
-    assert "12 points of no tetrahedron were left out" in volume.notes[0]
+    assert "12 points without a tetrahedron were left out" in volume.notes[0]
 
 
 def test_a_cage_from_a_file(tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_a_cage_from_a_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         cage_of(pv.Sphere(), method="file", file=tmp_path / "none.vtu")
     pv.Sphere().save(tmp_path / "surface.vtp")
-    with pytest.raises(GeometryError, match=r"no volume mesh.*tetwild"):
+    with pytest.raises(GeometryError, match=r"is not a volume mesh.*tetwild"):
         cage_of(pv.Sphere(), method="file", file=tmp_path / "surface.vtp")
 
 
@@ -190,9 +190,9 @@ def test_inverted_and_flat_tetrahedra_are_mended_and_told() -> None:
     volume = split_into_tetrahedra(pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points), "it")
     assert volume.grid.GetNumberOfCells() == 2
     assert volume.notes == [
-        "it: 1 inverted tetrahedra were turned",
+        "it: 1 inverted tetrahedra were corrected",
         "it: 2 flat tetrahedra were left out",
-        "it: 1 points of no tetrahedron were left out",
+        "it: 1 points without a tetrahedron were left out",
     ]
     with pytest.raises(GeometryError, match="all 1 tetrahedra are flat"):
         split_into_tetrahedra(pv.UnstructuredGrid({pv.CellType.TETRA: cells[2:3]}, points), "it")

@@ -177,7 +177,7 @@ def height(scene: Scene) -> np.ndarray:
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_mover_added_in_one_place_is_a_section_of_scenes(tmp_path: Path) -> None:
+def test_new_mover_becomes_a_scene_section(tmp_path: Path) -> None:
     file = tmp_path / "sheared.toml"
     file.write_text('[weave]\nends = 2\npicks = 2\n[shear]\nrate = "2 Hz"\n', "utf-8")
     scene = Scene.read(file)
@@ -200,7 +200,7 @@ def test_a_mover_added_in_one_place_is_a_section_of_scenes(tmp_path: Path) -> No
 
 
 @pytest.mark.usefixtures("toys")
-def test_stages_added_in_one_place_are_told_by_the_command_line(
+def test_new_stages_appear_on_the_command_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     def said(*words: str) -> str:
@@ -221,7 +221,7 @@ def test_stages_added_in_one_place_are_told_by_the_command_line(
 
 
 @pytest.mark.usefixtures("toys")
-def test_stages_added_in_one_place_are_shown_by_paraview() -> None:
+def test_new_stages_appear_in_paraview() -> None:
     from spacemap_vtk.paraview.stages import make_proxies
 
     made = make_proxies()
@@ -235,7 +235,7 @@ def test_stages_added_in_one_place_are_shown_by_paraview() -> None:
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
+def test_new_motion_model_is_plotted_like_the_built_in_one() -> None:
     scene = Scene({**SMALL, "shear": {"rate": 2.0}})
     scene.update(time=0.1)
     motion = scene.cage_stage.motion
@@ -256,7 +256,7 @@ def test_a_second_model_of_a_motion_is_plotted_as_the_first() -> None:
 
 
 @pytest.mark.usefixtures("toys")
-def test_optional_stages_stand_where_their_roles_say() -> None:
+def test_optional_stages_are_placed_by_their_roles() -> None:
     scene = Scene({**SMALL, "shear": {}, "doubled": {}, "tightened": {}})
     kinds = [type(stage).__name__ for stage in scene.stages]
     assert kinds == [
@@ -274,7 +274,7 @@ def test_optional_stages_stand_where_their_roles_say() -> None:
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_stage_can_have_a_role_of_its_own() -> None:
+def test_stage_can_declare_a_new_role() -> None:
     rest = Scene(SMALL)
     rest.update()
     low, high = rest.polygons.GetBounds()[4:]
@@ -306,13 +306,13 @@ def test_a_stage_can_have_a_role_of_its_own() -> None:
 
 
 @pytest.mark.usefixtures("toys")
-def test_a_role_without_a_place_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_role_without_a_position_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Halved, "after", "nothing")
     with pytest.raises(InputError, match=r'Halved has no place.*"halved", after "nothing"'):
         Scene(SMALL)
 
 
-def test_a_scene_has_the_stages_that_its_sections_name() -> None:
+def test_sections_choose_the_stages_of_a_scene() -> None:
     still = Scene(SMALL)
     assert [stage.role for stage in still.stages] == ["source", "surface"]
     assert not still.moves
@@ -326,7 +326,7 @@ def test_a_scene_has_the_stages_that_its_sections_name() -> None:
     assert "yarn" not in still.arrays
 
 
-def test_what_yarns_resist_is_said_once_for_the_cage_too() -> None:
+def test_yarn_stiffness_is_shared_with_the_solver() -> None:
     scene = Scene({**SMALL, "modal": {"elements": "sheet", "modes": 1}})
     assert scene.modal.yarns is None
     scene.set("yarns.bending=2 mN.mm2")
@@ -345,7 +345,7 @@ def test_what_yarns_resist_is_said_once_for_the_cage_too() -> None:
     assert scene.modal.yarns is None
 
 
-def test_every_stage_of_the_table_says_what_it_is() -> None:
+def test_every_registered_stage_has_its_declarations() -> None:
     for name in spacemap_vtk.FILTERS:
         stage = getattr(spacemap_vtk, name)
         assert stage.role in ROLES or stage.after, name
@@ -371,7 +371,7 @@ def updated() -> dict[str, Stage]:
 
 
 @pytest.mark.parametrize("name", spacemap_vtk.FILTERS)
-def test_what_a_stage_provides_is_in_its_output(updated: dict[str, Stage], name: str) -> None:
+def test_provided_arrays_are_in_the_output(updated: dict[str, Stage], name: str) -> None:
     stage = updated[name]
     data = {
         "point": stage.output.GetPointData(),
@@ -386,7 +386,7 @@ def test_what_a_stage_provides_is_in_its_output(updated: dict[str, Stage], name:
             assert stage.arrays[coloring.array].unit == coloring.unit, word
 
 
-def test_every_array_of_numbers_is_a_colouring() -> None:
+def test_every_numeric_array_has_a_colouring() -> None:
     stages = (getattr(spacemap_vtk, name) for name in spacemap_vtk.FILTERS)
     arrays = {
         name
@@ -401,13 +401,13 @@ def test_every_array_of_numbers_is_a_colouring() -> None:
 
 
 @pytest.mark.parametrize("name", spacemap_vtk.FILTERS)
-def test_pyvista_wraps_each_output(updated: dict[str, Stage], name: str) -> None:
+def test_pyvista_wraps_every_output(updated: dict[str, Stage], name: str) -> None:
     wrapped = pv.wrap(updated[name].output)
     assert isinstance(wrapped, pv.DataSet)
     assert wrapped.n_points == updated[name].output.GetNumberOfPoints() > 0
 
 
-def test_arrays_follow_the_parameters_that_they_need() -> None:
+def test_provided_arrays_depend_on_parameters() -> None:
     response = spacemap_vtk.ModalResponse(stress=False)
     assert "stress" not in response.arrays
     assert "kinetic_energy" in response.arrays
@@ -416,7 +416,7 @@ def test_arrays_follow_the_parameters_that_they_need() -> None:
     assert "kinetic_energy" not in response.arrays
 
 
-def test_connect_joins_stages_and_any_algorithm() -> None:
+def test_connect_accepts_stages_and_vtk_algorithms() -> None:
     ball, surface = vtkSphereSource(), spacemap_vtk.PatchTessellator()
     cage = spacemap_vtk.TetraCage(divisions=(1, 1, 1))
     modal, response = spacemap_vtk.ModalSolver(modes=6), spacemap_vtk.ModalResponse()
@@ -446,7 +446,7 @@ def test_connect_joins_stages_and_any_algorithm() -> None:
         ("weave rotation", "rotation", False, "weave cage modal response warp"),
     ],
 )
-def test_a_stage_that_is_switched_takes_others_along(
+def test_switching_a_stage_also_switches_dependent_stages(
     given: str, section: str, on: bool, then: str
 ) -> None:
     parts = Scene({"weave": {}}).parts

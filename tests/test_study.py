@@ -69,7 +69,7 @@ def untimed(sweep: Sweep, found: Mapping[str, RunResult]) -> list[list[str]]:
 
 
 @pytest.mark.usefixtures("no_processes")
-def test_a_sweep_on_the_command_line(
+def test_sweep_on_the_command_line(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "new" / "cloth"
@@ -112,7 +112,7 @@ def test_a_sweep_on_the_command_line(
     assert [file.read_text() for file in other.iterdir()] == ["mine"]
 
 
-def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Path) -> None:
+def test_table_is_the_same_in_one_or_several_processes(scene: Path, tmp_path: Path) -> None:
     cluster = pytest.importorskip("distributed", reason="comes with the extra [cluster]")
     sweep = read_sweep(scene, [SPACINGS.replace("0.2 mm,", "")])
     two = execute_sweep(sweep, tmp_path / "two", workers=2)
@@ -134,7 +134,7 @@ def test_whoever_carries_it_out_the_table_is_the_same(scene: Path, tmp_path: Pat
 
 
 @pytest.mark.usefixtures("no_processes")
-def test_what_a_stopped_sweep_has_can_be_used_and_is_kept(scene: Path, tmp_path: Path) -> None:
+def test_results_of_a_stopped_sweep_are_kept_and_reused(scene: Path, tmp_path: Path) -> None:
     sweep, folder = read_sweep(scene, [SPACINGS]), tmp_path / "cloth"
 
     def stop(done: int, of: int) -> None:
@@ -155,7 +155,7 @@ def test_what_a_stopped_sweep_has_can_be_used_and_is_kept(scene: Path, tmp_path:
         assert sheet.width > 3 * 64
 
 
-def test_a_contact_sheet_has_each_picture_in_its_row_and_column(tmp_path: Path) -> None:
+def test_contact_sheet_has_each_picture_in_its_row_and_column(tmp_path: Path) -> None:
     sweep = read_sweep("plain_weave", ["weave.ends=2,3", "weave.picks=4,5,6"])
     files, colors = {}, {}
     for number, each in enumerate(sweep.runs[:-1]):
@@ -183,6 +183,6 @@ def test_more_processes_than_memory_are_refused(
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 2**30)
     monkeypatch.setattr("spacemap_vtk.workers.available_bytes", lambda: 2**30)
     sweep = read_sweep(scene, ["weave.warp_spacing=linspace(0.5 mm, 0.6 mm, 9)"])
-    with pytest.raises(InputError, match=r"9 processes would need .* Take 2 or fewer"):
+    with pytest.raises(InputError, match=r"9 processes would need .* Use 2 or fewer"):
         execute_sweep(sweep, tmp_path / "cloth", workers=9)
     assert not (tmp_path / "cloth").exists()

@@ -30,7 +30,7 @@ def share(image: NDArray[np.uint8], color: Any) -> float:
     return float((np.abs(image.astype(int) - color).max(axis=2) <= 1).mean())
 
 
-def test_each_style_is_another_picture_on_its_own_ground() -> None:
+def test_each_style_gives_a_different_picture_and_background() -> None:
     images = {name: drawn(name) for name in STYLES}
     for name, image in images.items():
         below, above = STYLES[name].bottom_color, STYLES[name].top_color
@@ -42,7 +42,7 @@ def test_each_style_is_another_picture_on_its_own_ground() -> None:
             assert np.abs(images[name].astype(int) - images[other]).mean() > 4
 
 
-def test_schematic_is_flat_and_lined() -> None:
+def test_schematic_has_flat_colours_and_lines() -> None:
     image = drawn("schematic")
     # Most of what is drawn is of one of the two colours, all but the lines, which are black.
     cloth = 1.0 - share(image, (255, 255, 255))
@@ -50,7 +50,7 @@ def test_schematic_is_flat_and_lined() -> None:
     assert 0.005 < share(image, (0, 0, 0)) < 0.1
 
 
-def test_afar_a_sheet_has_lines_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sheet_seen_from_afar_has_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     many = {"ends": 32, "picks": 32, "warp_diameter": 2.8e-4, "weft_diameter": 2.8e-4}
     fine = drawn("blueprint", 320, **many)[80:240, 80:240].mean(axis=(0, 1))
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
@@ -62,7 +62,7 @@ def test_afar_a_sheet_has_lines_too(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(afar - fine).max() < 8
 
 
-def test_ground_has_a_soft_shadow_where_there_is_light() -> None:
+def test_ground_has_a_soft_shadow_in_styles_with_light() -> None:
     for style in ("studio", "paper", "schematic"):
         white = {"background": "#ffffff", "background_top": "#ffffff", "camera": "lying"}
         view = {**white, "style": style, "ground": True}
@@ -77,7 +77,7 @@ def test_ground_has_a_soft_shadow_where_there_is_light() -> None:
         assert np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]).min() >= 250
 
 
-def test_an_unknown_style_is_refused_with_the_list() -> None:
+def test_unknown_style_is_refused_with_the_list() -> None:
     with pytest.raises(InputError) as refused:
         Scene({"weave": {}, "view": {"style": "stuido"}})
     for word in ("view.style", "stuido", *STYLES):

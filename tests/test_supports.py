@@ -80,7 +80,7 @@ def test_scaled_cage_has_the_same_supports():
         ("+y-x", "not a support"),
         ("box(0, 1)", "has 2 values"),
         ("box(0, 1, 0, 1, 1, 0)", "is empty"),
-        ("box(0, 1, 0, 1, 0, 1 kg)", 'unit "kg" is not known'),
+        ("box(0, 1, 0, 1, 0, 1 kg)", 'unknown unit "kg"'),
         ("sphere(0, 0, 0, -1)", "radius of at least 0"),
         ("sphere(0, 0, nan, 1)", "empty"),
         ("mask()", "must name a point array"),

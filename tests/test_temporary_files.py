@@ -55,7 +55,7 @@ unix = pytest.mark.skipif(sys.platform == "win32", reason="no process there hear
     ],
     ids=[*(number.name for number in END_SIGNALS), "impatient", "SIGINT", "in VTK", "error"],
 )
-def test_a_folder_goes_however_the_process_ends(
+def test_folder_is_removed_however_the_process_ends(
     program: str, signals: list[signal.Signals], status: list[int], tmp_path: Path
 ) -> None:
     command = [sys.executable, "-c", program, str(tmp_path)]
@@ -69,7 +69,7 @@ def test_a_folder_goes_however_the_process_ends(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_signals_are_answered_as_before_afterwards(tmp_path: Path) -> None:
+def test_signal_handlers_are_restored(tmp_path: Path) -> None:
     def own(*_: object) -> None: ...
 
     before = signal.getsignal(signal.SIGTERM)
@@ -86,7 +86,7 @@ def test_signals_are_answered_as_before_afterwards(tmp_path: Path) -> None:
         signal.signal(signal.SIGTERM, before)
 
 
-def test_another_thread_has_its_folders_too(tmp_path: Path) -> None:
+def test_other_threads_can_have_temporary_folders(tmp_path: Path) -> None:
     seen = []
 
     def work() -> None:
@@ -100,7 +100,7 @@ def test_another_thread_has_its_folders_too(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_nothing_is_interrupted_meanwhile() -> None:
+def test_signals_are_delayed() -> None:
     before, done = signal.getsignal(signal.SIGINT), []
 
     def work() -> None:
@@ -115,7 +115,7 @@ def test_nothing_is_interrupted_meanwhile() -> None:
     assert signal.getsignal(signal.SIGINT) == before
 
 
-def test_what_a_killed_process_left_goes_and_what_a_live_one_has_stays(tmp_path: Path) -> None:
+def test_only_folders_of_ended_processes_are_removed(tmp_path: Path) -> None:
     command = [sys.executable, "-c", _WAIT, str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -133,7 +133,7 @@ def test_what_a_killed_process_left_goes_and_what_a_live_one_has_stays(tmp_path:
     assert list(tmp_path.iterdir()) == links
 
 
-def test_what_others_still_write_goes(tmp_path: Path) -> None:
+def test_folder_is_removed_while_others_write_into_it(tmp_path: Path) -> None:
     script = "import sys, time\nend = time.time() + 0.3\nwhile time.time() < end:\n"
     script += "    try: open(sys.argv[1] + '/' + str(time.time()), 'w')\n    except OSError: pass\n"
     with temporary_folder(tmp_path) as folder:

@@ -342,7 +342,7 @@ def test_what_needs_a_weave_is_absent_or_refused(scene: Path) -> None:
     assert not hasattr(read, "weave")
     assert read.draft_file is None
     assert read.find_obstacle() is None
-    with pytest.raises(InputError, match="this scene is not woven, and has no draft"):
+    with pytest.raises(InputError, match="the scene is not woven and has no draft"):
         _ = read.draft
 
 

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonCore import vtkOutputWindow
 from spacemap_vtk.datasets.vtk_messages import capture_vtk_messages
 
 
-def test_a_second_thread_waits_until_the_first_has_heard_all() -> None:
+def test_second_thread_waits_for_the_first() -> None:
     usual, inside = vtkOutputWindow.GetInstance(), threading.Event()
 
     def listen() -> None:

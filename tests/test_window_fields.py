@@ -241,7 +241,7 @@ def test_parameter_without_effect_is_hidden_or_explained(open_scene: Any) -> Non
     assert rows["margin"].note.text() == 'no effect: method is "lattice"'
     assert not rows["margin"].editor.isEnabled()
     wait_until(lambda: settled(window))
-    assert "cage.margin does not count" in window.status_text.toolTip()
+    assert "cage.margin has no effect" in window.status_text.toolTip()
     click(rows["margin"].reset)
     assert shown() == ["method", "divisions", "order", "padding"]
     window.document.history.undo()

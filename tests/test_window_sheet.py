@@ -198,7 +198,8 @@ def test_equilibrium_displacement_can_be_shown_in_colour(open_scene: Any, strip:
     window = open_scene(str(strip))
     bar = window.view.scene_view.surface.color_bar
     sag = np.linalg.norm(equilibrium(window), axis=1).max()
-    for name, title in (("equilibrium", "Hung state"), ("displacement", "Displacement")):
+    titles = {"equilibrium": "Displacement, equilibrium", "displacement": "Displacement"}
+    for name, title in titles.items():
         assert window.tools.colorings[name].isVisible()
         window.tools.colorings[name].trigger()
         wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
@@ -244,7 +245,7 @@ def test_colouring_is_reset_when_its_quantity_disappears(open_scene: Any, strip:
     window.tools.hang.trigger()
     wait_until(lambda: settled(window) and window.view.frame.color == "own")
     assert window.errors.text == ""
-    assert "Hung state" in window.statusBar().currentMessage()
+    assert "Displacement, equilibrium" in window.statusBar().currentMessage()
     assert window.document.value_in_file("view", "color") is None
     assert not window.tools.hang.isChecked()
     # Undo restores the equilibrium and its colours together.

@@ -46,7 +46,7 @@ def test_clumsy_user_loses_nothing(
     # 2. A word, and 3. a number that is far too large.
     ends = window.properties.rows["ends"].editor.line
     type_into(ends, "three")
-    wait_until(lambda: "not a number; allowed: a whole number" in window.errors.text)
+    wait_until(lambda: "must be a number; allowed: a whole number" in window.errors.text)
     type_into(ends, "1e9")
     wait_until(lambda: "at most 100000" in window.errors.text)
     type_into(ends, "7")
@@ -54,7 +54,7 @@ def test_clumsy_user_loses_nothing(
 
     # 4. A word instead of a quantity.
     type_into_field(window, "modal", "youngs_modulus", "soft")
-    wait_until(lambda: "not a number; allowed: a number greater than 0 Pa" in window.errors.text)
+    wait_until(lambda: "must be a number; allowed: a number greater than 0" in window.errors.text)
     undo()
 
     # 5. A time before the start.

@@ -26,19 +26,19 @@ def answer(task: str) -> tuple[str, int]:
     return task, os.getpid()
 
 
-def test_each_task_is_answered_and_a_process_serves_several() -> None:
+def test_every_task_has_a_result_and_processes_are_reused() -> None:
     tasks = ["a", "refused", "killed", "b", "c"]
     found = dict(run_in_processes(f"{__name__}:answer", tasks, 1))
     assert str(found[1]) == "ends = -1: out of range. Take more."
     assert isinstance(found[1], InputError)
-    assert "signal SIGKILL, perhaps for lack of memory" in str(found[2])
+    assert "signal SIGKILL, possibly out of memory" in str(found[2])
     assert isinstance(found[2], SpacemapError)
     assert [found[k][0] for k in (0, 3, 4)] == ["a", "b", "c"]
     # One process until it is killed, and one from then on.
     assert found[0][1] != found[3][1] == found[4][1]
 
 
-def test_who_leaves_early_leaves_no_process() -> None:
+def test_leaving_the_loop_early_ends_all_processes() -> None:
     assert import_function("os.path:basename")("a/b") == "b"
     found = run_in_processes(f"{__name__}:answer", ["a", "slow", "slow"], 2)
     _, (task, process) = next(found)

@@ -134,7 +134,7 @@ def array_of(data: vtkFieldData, name: str, owner: str) -> NDArray[Any]:
         names = [str(data.GetArrayName(i)) for i in range(data.GetNumberOfArrays())]
         more = f" and {len(names) - _MAX_LISTED} more" if len(names) > _MAX_LISTED else ""
         raise InputError(
-            f'{owner} needs an array "{name}", and the input has '
+            f'{owner} needs an array "{name}"; the input has '
             + ((", ".join(f'"{n}"' for n in names[:_MAX_LISTED]) + more) or "none"),
             cure=suggestion(name, names),
         )
@@ -156,7 +156,7 @@ def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> Floats:
     wrong = int((~np.isfinite(values).all(axis=1)).sum())
     if wrong:
         raise InputError(
-            f'{wrong} of the {count} vectors of the point array "{name}" are no finite numbers'
+            f'{wrong} of the {count} vectors of the point array "{name}" are not finite'
         )
     return values
 
@@ -164,7 +164,7 @@ def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> Floats:
 def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> AnyInts:
     """Return a view of the connectivity of a grid whose cells are all of one type and size."""
     if grid.GetNumberOfCells() == 0:
-        raise GeometryError(f"the input has no cells; {name} are needed")
+        raise GeometryError(f"the input has no cells, but must have {name}")
     others = [t for t in cell_types(grid) if t != cell_type]
     if others:
         raise GeometryError(
@@ -175,7 +175,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> AnyInts:
     size = cells.GetMaxCellSize()
     connectivity = vtk_to_numpy(cells.GetConnectivityArray())
     if connectivity.size != size * grid.GetNumberOfCells():
-        raise GeometryError(f"{name} of different degrees in one grid")
+        raise GeometryError(f"the grid has {name} with different numbers of nodes")
     return connectivity.reshape(-1, size)
 
 

@@ -45,7 +45,7 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
         doubt, *largest = processes.maximum([not trusted, *mine])
         if doubt:
             if not np.isfinite(largest).all():
-                raise GeometryError("there is nothing to enclose: the input has no points")
+                raise GeometryError("the input has no points to enclose")
             return (sign * largest).tolist()
     elif not trusted:
         raise GeometryError(

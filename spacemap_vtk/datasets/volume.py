@@ -77,10 +77,10 @@ def split_into_tetrahedra(data: vtkPointSet, what: str) -> Volume:
     """Split the cells of a mesh into linear tetrahedra."""
     if not isinstance(data, vtkUnstructuredGrid) or data.GetNumberOfCells() == 0:
         raise GeometryError(
-            f"{what} is no volume mesh: it is a {data.GetClassName()} of "
+            f"{what} is not a volume mesh, but a {data.GetClassName()} of "
             f"{data.GetNumberOfCells()} cells",
             allowed="tetrahedra, hexahedra, wedges, pyramids",
-            cure='A surface can be filled with method = "tetwild".',
+            cure='Fill a surface with method = "tetwild".',
         )
     types = np.array([data.GetCellType(i) for i in range(data.GetNumberOfCells())])
     others = sorted(set(types.tolist()) - _KINDS.keys() - _NO_VOLUME)
@@ -120,7 +120,7 @@ def split_into_tetrahedra(data: vtkPointSet, what: str) -> Volume:
             f"{what}: all {flat} tetrahedra are flat", allowed="at least one with a volume"
         )
     if inverted:
-        notes.append(f"{what}: {inverted} inverted tetrahedra were turned")
+        notes.append(f"{what}: {inverted} inverted tetrahedra were corrected")
     if flat:
         notes.append(f"{what}: {flat} flat tetrahedra were left out")
     used = np.unique(tetrahedra)
@@ -129,7 +129,9 @@ def split_into_tetrahedra(data: vtkPointSet, what: str) -> Volume:
     if len(used) < len(vertices):
         kept = used.astype(np.int64)
         tetrahedra = np.searchsorted(used, tetrahedra)
-        notes.append(f"{what}: {len(vertices) - len(used)} points of no tetrahedron were left out")
+        notes.append(
+            f"{what}: {len(vertices) - len(used)} points without a tetrahedron were left out"
+        )
     grid.SetPoints(to_points(vertices[kept]))
     grid.SetCells(VTK_TETRA, to_cells(tetrahedra))
     for i in range(data.GetPointData().GetNumberOfArrays()):

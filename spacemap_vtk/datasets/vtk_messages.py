@@ -72,10 +72,10 @@ def raise_vtk_errors(path: Path) -> Iterator[None]:
     # The innermost reader gives the reason. The readers around it only print that it failed.
     errors = [text for text in errors if "returned failure" not in text] or errors
     if errors and not path.exists():
-        raise InputError(f"{path}: it has gone while it was read")
+        raise InputError(f"{path}: the file was removed while it was read")
     if errors:
         why = errors[0][:200].rstrip(".")
         raise InputError(
-            f"{path}: damaged or not of the format that its ending says: {why}",
-            cure="Write the file again, whole.",
+            f"{path}: damaged, or not in the format of its ending: {why}",
+            cure="Write the file again.",
         )

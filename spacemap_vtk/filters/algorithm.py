@@ -222,7 +222,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self.SetProgressText(step)
         self.UpdateProgress(fraction)
         if self.GetAbortExecute():
-            raise Cancelled(f"{type(self).__name__} was stopped")
+            raise Cancelled(f"{type(self).__name__} was cancelled")
 
     def warn(self, text: str) -> None:
         """Add a sentence to `warnings`. Call this from `run`.
@@ -361,7 +361,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._run_blocks(inputs, output, time)
         if self._unused_warnings is None:
             self._unused_warnings = [
-                f"{self.section}.{name} does not count: {why}; it does where "
+                f"{self.section}.{name} has no effect: {why}; it is used if "
                 f"{self.parameter(name).condition}"
                 for name, value in self.given_values.items()
                 # A parameter that is zero or off contradicts nothing.

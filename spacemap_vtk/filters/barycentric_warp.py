@@ -53,18 +53,17 @@ _BLOCK = 2**14
 
 
 class BarycentricWarp(Stage):
-    """Let an object's points ride along with the cage that moves round them.
+    """Move the points of an object with the cage around them.
 
     Port 0 is the object, port 1 the cage: a tetrahedral mesh with a displacement. Each point keeps
-    its barycentric weights in the tetrahedron that holds it, or the weights of all ten nodes if the
-    mesh is of quadratic tetrahedra. That is found once, and again only when points or mesh change.
-    In a linear tetrahedron the weighted sum is an affine map, one for all its points, so that a new
-    displacement costs one pass over them. Normals turn with the surface.
+    its barycentric weights in the tetrahedron that contains it, or the weights of all ten nodes of
+    a quadratic tetrahedron. The weights are computed again only if points or cage change. Normals
+    are rotated with the surface.
 
     Notes
     -----
-    Equations (6) to (8) of Furukawa, Kitagawa and Shimizu. A point outside every tetrahedron
-    belongs to the truly nearest one.
+    Equations (6) to (8) of Furukawa, Kitagawa and Shimizu. A point outside all tetrahedra belongs
+    to the one with the smallest distance.
 
     Examples
     --------
@@ -83,21 +82,21 @@ class BarycentricWarp(Stage):
 
     outside = Choice(
         "extrapolate",
-        "Points outside the cage: follow the nearest tetrahedron's affine motion, move as the "
-        "nearest point of the cage does, or stop with an error.",
+        "Points outside the cage: extrapolate the affine motion of the nearest tetrahedron, move "
+        "with the nearest point of the cage (clamp), or stop with an error.",
         ["extrapolate", "clamp", "error"],
     )
 
     smooth = Flag(
         False,
-        "A cubic spline through the cage's vertices, without kinks at the borders of tetrahedra, "
-        "in place of a map that is affine in each.",
+        "Interpolate with a cubic spline through the cage's vertices, without kinks between "
+        "tetrahedra, instead of an affine map in each tetrahedron.",
     )
 
     carried = Text(
         "",
-        'Names of the cage\'s other arrays that ride along, as in "velocity von_mises"; those of '
-        "tetrahedra are averaged at the vertices first.",
+        'Names of other arrays of the cage to interpolate, such as "velocity von_mises"; cell '
+        "arrays are averaged at the vertices first.",
     )
 
     _embedding: _Embedding | None = None
@@ -176,7 +175,7 @@ class BarycentricWarp(Stage):
                 if not data.GetArrayName(i).startswith("mode_")
             }
             raise InputError(
-                "the cage has no such array",
+                "the cage does not have this array",
                 key="carried",
                 value=name,
                 allowed=", ".join(sorted(names)) or "none: it has no arrays",
@@ -205,7 +204,7 @@ class BarycentricWarp(Stage):
             single = points_of(points).dtype.itemsize == 4
             require_memory(
                 estimate_bytes(count, elements.shape[1], self.smooth, sum(riding), single),
-                f"to carry {count} points along",
+                f"to embed {count} points in the cage",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
             # A linear tetrahedron has one map for all its points: many points need no weights.
@@ -221,7 +220,7 @@ class BarycentricWarp(Stage):
                     + {"extrapolate": "they are extrapolated", "clamp": "they are clamped"}[
                         self.outside
                     ]
-                    + f'; a cage that fTetWild makes holds them with cage.inflate = "{room}"'
+                    + f'; cage.method = "tetwild" with cage.inflate = "{room}" encloses them'
                 )
             ride: EmbeddedPoints
             places, clamp = points_of(points), self.outside == "clamp"

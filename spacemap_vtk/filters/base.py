@@ -97,9 +97,9 @@ class Stage(Algorithm):
             if "cage" in self.takes[port : port + 1]:
                 if kinds != [self.inputs[port]]:
                     raise InputError(
-                        f"the cage comes in blocks: {', '.join(kinds) or 'none'}",
+                        f"the cage must be one block, not {', '.join(kinds) or 'none'}",
                         allowed=f"one {self.inputs[port]}",
-                        cure="Join those that have a volume, by pyvista's "
+                        cure="Join the blocks with a volume with pyvista's "
                         "combine(merge_points=True) or ParaView's Merge Blocks.",
                     )
                 inputs[port] = next(leaf_blocks(data))
@@ -117,7 +117,7 @@ class Stage(Algorithm):
                 raise InputError(
                     f"a block is a {block.GetClassName()}",
                     allowed=self.inputs[0],
-                    cure="Turn it into one, by pyvista's cast_to_unstructured_grid().",
+                    cure="Convert it, for example with pyvista's cast_to_unstructured_grid().",
                 )
             made = block.NewInstance()
             self.run([block, *inputs[1:]], made, time)
@@ -189,7 +189,7 @@ class Stage(Algorithm):
         """
         if time is not None and not (isinstance(time, Real) and math.isfinite(time)):
             raise InputError(
-                "not a time", key="time", value=time, allowed="a finite number of seconds"
+                "must be a time", key="time", value=time, allowed="a finite number of seconds"
             )
         executive = self.GetExecutive()
         if self._checked_connections != Stage._connections:
@@ -230,7 +230,9 @@ class Stage(Algorithm):
         if errors:
             raise errors[0]
         if done == 0 or self._vtk_messages:
-            text = self._vtk_messages[-1] if self._vtk_messages else "VTK could not update it"
+            text = (
+                self._vtk_messages[-1] if self._vtk_messages else "VTK could not update the stage"
+            )
             raise SpacemapError(f"{type(self).__name__}: {text}")
         return self
 
@@ -292,8 +294,8 @@ def _collect_upstream(
     if stage in below:
         name = type(stage).__name__
         raise InputError(
-            f"the pipeline is a ring: {name} is above itself",
-            cure=f"Part it, as by RemoveAllInputConnections(0) of {name}.",
+            f"the pipeline is a loop: {name} is upstream of itself",
+            cure=f"Break the loop, for example with RemoveAllInputConnections(0) of {name}.",
         )
     if stage not in seen:
         for port in range(stage.GetNumberOfInputPorts()):
@@ -334,9 +336,9 @@ def connect(*stages: Any) -> Any:
         if not isinstance(stage, vtkAlgorithm):
             _require_data(stage)
             raise InputError(
-                f"a {type(stage).__name__} takes no input",
+                f"a {type(stage).__name__} cannot have an input",
                 allowed="a vtkAlgorithm",
-                cure="Data come first, as in connect(data, stage).",
+                cure="Put data first, as in connect(data, stage).",
             )
         inputs = before if _is_several(before) else (before,)
         _require_ports(stage, len(inputs))
@@ -357,12 +359,13 @@ def _is_several(inputs: Any) -> bool:
 def _require_data(item: Any) -> None:
     if isinstance(item, type) and issubclass(item, vtkAlgorithm):
         name = item.__name__
-        raise InputError(f"{name} is a class", cure=f"Make one of it: {name}().")
+        raise InputError(f"{name} is a class", cure=f"Make an instance: {name}().")
     if not isinstance(item, vtkDataObject):
         raise InputError(
-            f"a {type(item).__name__} is no data of VTK's",
-            allowed="a vtkDataObject, as pyvista's meshes are",
-            cure="A file is read by pyvista.read(file), points are pyvista.PolyData(points).",
+            f"a {type(item).__name__} is not a VTK data object",
+            allowed="a vtkDataObject, such as a pyvista mesh",
+            cure="Read a file with pyvista.read(file); convert points with "
+            "pyvista.PolyData(points).",
         )
 
 
@@ -399,8 +402,8 @@ def _claim(stages: Sequence[Stage]) -> list[Stage]:
             if stage._updated_by is not None:
                 raise SpacemapError(
                     f"another thread is updating {type(stage).__name__}",
-                    cure="Give each thread a pipeline of its own, or let threads take turns, with "
-                    "a threading.Lock round the update and the use of what it makes.",
+                    cure="Give each thread its own pipeline, or protect the update and the use of "
+                    "its output with a threading.Lock.",
                 )
         for stage in taken:
             stage._updated_by, stage._error, stage.rotation_removed = own, None, False
@@ -414,6 +417,6 @@ def _check_connected(stage: vtkAlgorithm) -> None:
         optional = stage.GetInputPortInformation(port).Get(vtkAlgorithm.INPUT_IS_OPTIONAL())
         if stage.GetNumberOfInputConnections(port) == 0 and not optional:
             raise InputError(
-                f"{type(stage).__name__} has nothing connected to input port {port}",
+                f"input port {port} of {type(stage).__name__} is not connected",
                 cure=f"Call SetInputConnection({port}, source.GetOutputPort()) first.",
             )

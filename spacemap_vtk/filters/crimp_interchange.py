@@ -201,7 +201,7 @@ class CrimpInterchange(YarnParameters, Stage):
         if self._warned_kinds is None:
             self._warned_kinds = set()
         if kind in self._warned_kinds:
-            self._said.add(text)
+            self._issued.add(text)
         self._warned_kinds.add(kind)
         self.warn(text)
 

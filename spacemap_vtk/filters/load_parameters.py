@@ -94,7 +94,7 @@ class DampingPairs(Parameter[Any]):
 class DampingRatio(Series):
     """A damping ratio for all modes, one for each, or the name of a text file of ratios."""
 
-    each = (
+    list_meaning = (
         "one for each mode, in order, the last also for all higher modes; or the name of a text "
         "file with one ratio in each line"
     )

@@ -30,16 +30,16 @@ _FileStates = tuple[tuple[Path, int, int], ...]
 
 
 class ObjectSource(Stage):
-    """Read an object: a surface, a volume, lines or points, in any format that pyvista reads.
+    """Read an object (surface, volume, lines or points) in any format that pyvista reads.
 
-    Arrays, texture coordinates and colours are kept; so are the colours and pictures of the
-    materials of .obj and .gltf files, all pictures in one (`picture`). The blocks of a multi-block
-    are merged, with a cell array ``block``. The object is scaled about the origin, then turned
-    about x, y and z in this order, then moved.
+    Arrays, texture coordinates and colours are kept. Colours and pictures of the materials of .obj
+    and .gltf files are kept, too, all pictures in one (`picture`). Blocks are merged, with a cell
+    array ``block``. The object is scaled about the origin, then rotated about x, y and z in this
+    order, then moved.
 
     Notes
     -----
-    The output is vtkPolyData where the file holds nothing else, and vtkUnstructuredGrid otherwise.
+    The output is vtkPolyData if the file contains nothing else, and vtkUnstructuredGrid otherwise.
     pyvista is imported for formats that VTK's own readers do not cover.
 
     Examples
@@ -54,32 +54,32 @@ class ObjectSource(Stage):
     output_type = "vtkPointSet"
     provides: ClassVar = {UP: ProvidedArray("field")}
 
-    file = FilePath(None, "The mesh to read.", automatic="no file")
+    file = FilePath(None, "Mesh file to read.", automatic="no file")
     texture = FilePath(
         None,
-        "A picture to paint the object with, by its texture coordinates.",
-        automatic="those that an .obj or .gltf file names",
+        "Picture to map onto the object by its texture coordinates.",
+        automatic="the pictures of an .obj or .gltf file",
     )
     scale = Real(
-        1.0, "Factor on all lengths: 0.001 for a file that counts in millimetres.", above=0.0
+        1.0, "Factor on all lengths, for example 0.001 for a file in millimetres.", above=0.0
     )
     rotate = Vector(
         (0.0, 0.0, 0.0),
-        "Angles of the turns about x, y and z.",
+        "Angles of rotation about x, y and z.",
         component=Real(0.0, "", unit="deg"),
     )
     place = Vector(
         (0.0, 0.0, 0.0),
-        "Where the file's origin comes to lie.",
+        "Position of the file's origin in the scene.",
         component=Real(0.0, "", unit="m"),
     )
 
     up = Choice(
         None,
-        "Which of its axes points up: where it is held, gravity and the camera follow that, where "
-        "these are automatic.",
+        "Axis of the object that points up. Automatic supports, gravity and camera follow it.",
         ["y", "z"],
-        automatic="the one along which it stands broader below than above, else the longer one",
+        automatic="the axis along which the object is broader at the foot than at the top, else "
+        "the longer one",
     )
 
     _loaded: tuple[_FileStates, ReadObject] | None = None
@@ -100,7 +100,7 @@ class ObjectSource(Stage):
             If there is no file, or it cannot be read or has no finite points.
         """
         if self.file is None:
-            raise InputError("no file is named", key="file", allowed=type(self).file.allowed)
+            raise InputError("no file is given", key="file", allowed=type(self).file.allowed)
         if not os.path.isfile(self.file):
             self._loaded = None
             with add_key_to_errors("file"):

@@ -75,7 +75,7 @@ class ParaViewStage(Stage if TYPE_CHECKING else object):  # type: ignore[misc]
             self._last = shallow_copy(output)
         return done
 
-    def _tell(self, text: str) -> None:
+    def _issue_warning(self, text: str) -> None:
         """Show a warning in the output window instead of issuing a Python warning."""
         vtkOutputWindow.GetInstance().DisplayWarningText(f"{type(self).__name__}: {text}.\n")
 

@@ -54,7 +54,8 @@ def split_assignment(assignment: str) -> tuple[str, str, str]:
     section, dot, key = target.strip().partition(".")
     if not equals or not dot:
         raise InputError(
-            f'"{assignment}" sets nothing', allowed='section.key=value, as in "weave.ends=20"'
+            f'"{assignment}" is not an assignment',
+            allowed='section.key=value, for example "weave.ends=20"',
         )
     return section, key, text
 
@@ -71,7 +72,7 @@ def require_part(parts: Mapping[str, Parameterised], section: str) -> Parameteri
     """Return the object that a section configures; refuse an unknown section."""
     if section not in parts:
         raise UnknownNameError(
-            "a scene has no section of that name",
+            "unknown section",
             key=section,
             allowed=", ".join(["title", *(f"[{name}]" for name in parts)]),
             cure=suggestion(section, parts),
@@ -91,7 +92,7 @@ def parse_value_list(assignment: str, parts: Mapping[str, Parameterised]) -> Val
                 "a value is missing between commas",
                 key=key,
                 value=text,
-                cure="Quote a value that has commas of its own.",
+                cure="Quote a value that contains commas.",
             )
         values = [value for word in words for value in _expand(word, parameter)]
         if len(values) == 1 and isinstance(values[0], list) and values[0]:
@@ -129,7 +130,7 @@ def _expand(word: str, parameter: Parameter[Any]) -> list[Any]:
     number = getattr(parameter, "component", parameter)
     ends = [part.strip() for part in match[2].split(",")]
     refused = InputError(
-        "no values between two ends",
+        f"must be a valid {match[1]}",
         key=parameter.name,
         value=word,
         allowed=f"{match[1]}(first, last, count) of a number, with a count from 2 to {_MAX_COUNT}",

@@ -40,14 +40,12 @@ GROUPS = (
     {
         "own": Coloring("Own colours"),
         "family": Coloring("Warp and weft", "", "family"),
-        "yarn": Coloring("Yarn by yarn", "", "yarn"),
+        "yarn": Coloring("Individual yarns", "", "yarn"),
     },
     {
         "displacement": Coloring("Displacement", "m", "displacement", True),
-        "linear_displacement": Coloring(
-            "Displacement, before rotation", "m", "linear_displacement", True
-        ),
-        "equilibrium": Coloring("Hung state, displacement", "m", "equilibrium", True),
+        "linear_displacement": Coloring("Displacement, linear", "m", "linear_displacement", True),
+        "equilibrium": Coloring("Displacement, equilibrium", "m", "equilibrium", True),
         "velocity": Coloring("Velocity", "m/s", "velocity", True),
         "acceleration": Coloring("Acceleration", "m/s2", "acceleration", True),
     },

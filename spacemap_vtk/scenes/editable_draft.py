@@ -93,7 +93,7 @@ def make_editable_draft(woven: Woven) -> EditableDraft:
     source, cloth, file = woven.source, woven.cloth, woven.draft_file
     if cloth.drawdown.size > MAX_CROSSINGS:
         raise SizeError(
-            "a draft of {} x {} yarns is too large to be shown".format(*cloth.size),
+            "a draft of {} x {} yarns is too large to display".format(*cloth.size),
             allowed=f"up to {MAX_CROSSINGS} crossings",
         )
     # Rows and pictures contain no loom.

@@ -47,7 +47,7 @@ _OF_YARNS = (
     ("cover", "cover factor", "%"),
     ("longest_float", "longest float", None),
     ("mean_float", "mean float", ""),
-    ("yarn_length", "yarn length in all", "m"),
+    ("yarn_length", "total yarn length", "m"),
     ("colors", "colours", None),
 )
 
@@ -123,16 +123,16 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
         Figure("repeat", "smallest repeat", "{} x {}".format(*figures["repeat"])),
         figure("shafts", "shafts, treadles", "", f"{{}}, {treadles}"),
         Figure(
-            "feasible_height", "h1 feasible", " to ".join(_format_figure(h, "m") for h in heights)
+            "feasible_height", "feasible h1", " to ".join(_format_figure(h, "m") for h in heights)
         ),
         _clearance(figures, "least_clearance", "least clearance"),
     ]
     if figures.get("cloths") == 2:
-        found.insert(0, Figure("cloths", "cloths, one above the other", "2", 2))
+        found.insert(0, Figure("cloths", "number of cloths", "2", 2))
     if "deformed_clearance" in figures:
-        found.append(_clearance(figures, "deformed_clearance", "... when deformed"))
+        found.append(_clearance(figures, "deformed_clearance", "... deformed"))
     found += [
-        figure("radial_error", "surface off true tubes", "", "{:.2g} of the radius"),
+        figure("radial_error", "error of the surface", "", "{:.2g} of the radius"),
         figure("patches", "patches", "", "{}"),
         figure("control_points", "control points", "", "{}"),
         figure("memory_bytes", "memory", "", "{:.3g} MiB", 2**-20)._replace(value=None),
@@ -147,7 +147,7 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     """Return the figures of a cage's elements; equal ones of warp and weft once unless `both`."""
     found = []
     if "elements" in figures:
-        found.append(Figure("elements", "elements of the cage", figures["elements"]))
+        found.append(Figure("elements", "cage elements", figures["elements"]))
     for name, value in (figures.get("sheet") or {}).items():
         if name == "poissons_ratio_in_plane":
             value = tuple(figures["poissons_ratios"])
@@ -222,7 +222,7 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
         return []
     sag, drape = hung["sag"], hung["drape_coefficient"]
     told = format_quantity(sag, "m", 4)
-    found = [Figure("sag", "hangs down by", told, sag, "m")]
+    found = [Figure("sag", "sag", told, sag, "m")]
     if hung["shadow_area"] is not None:
         share = hung["shadow_area"] / hung["cloth_area"]
         found.append(Figure("shadow", "shadow", f"{share:.1%} of the cloth", share, "%"))

@@ -54,7 +54,7 @@ def limit_to_beginning(scene: Scene, size: tuple[int, int]) -> None:
         if counts[family] < (whole := cloth.size[family]):
             scene.assign(section, name, counts[family])
             scene.warn(
-                f"only {name} 1 to {counts[family]} of {whole} are drawn, as the cloth is so long: "
+                f"the cloth is very long: only {name} 1 to {counts[family]} of {whole} are drawn; "
                 f"--set {section}.{name}={whole} draws all"
             )
 

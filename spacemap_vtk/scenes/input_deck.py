@@ -33,7 +33,7 @@ def make_input_deck(scene: Scene) -> InputDeck:
 def _make_deck(title: str, solver: Any, mover: Any) -> InputDeck:
     if not isinstance(solver, ModalSolver):
         raise InputError(
-            "this scene has no cage whose modes are computed",
+            "the scene has no cage with computed modes",
             key="modal",
             cure="Add the sections [cage] and [modal].",
         )
@@ -50,13 +50,13 @@ def _make_deck(title: str, solver: Any, mover: Any) -> InputDeck:
             if load.action == "base_displacement" or load.time not in _LASTING:
                 kind = load.action.replace("_", " ")
                 left_out.append(
-                    f"loads[{number}], a {kind} ({load.time}), is not in the static step"
+                    f"the static step leaves out loads[{number}], a {kind} ({load.time})"
                 )
             else:
                 forces += load.function.value(_LATE) * modes.vertex_forces(vector)
         left_out += mover.warnings_of_far_loads(modes)
     if modes.model.rigid_modes.shape[1]:
-        left_out.append("the supports leave the cage free, so that there is no static step")
+        left_out.append("the static step is left out: the supports do not hold the cage")
         gravity, forces = np.zeros(3), np.zeros_like(forces)
     count = len(modes.eigenvalues)
     return InputDeck(title, modes.model, count, gravity, forces.reshape(-1, 3), left_out)
@@ -66,25 +66,25 @@ def _refuse_unsupported(model: Model) -> None:
     """Refuse models with anything but tetrahedra of a material, held along x, y and z."""
     if model.plate is not None:
         raise InputError(
-            "the cage is a sheet, whose elements other solvers do not have",
+            "sheet elements cannot be exported to other solvers",
             key="elements",
-            cure='Make it a solid: "--set modal.elements=tetrahedra", best with "--set '
+            cure='Use solid elements: "--set modal.elements=tetrahedra", preferably with "--set '
             'cage.order=2".',
         )
     if model.displacement is not None:
         raise InputError(
-            "the cage hangs, and its modes are those about that equilibrium",
+            "modes about a hanging equilibrium cannot be exported",
             key="gravity",
-            cure='Let it begin undeformed: "--set modal.hang=false".',
+            cure='Start from the undeformed cage: "--set modal.hang=false".',
         )
     if model.terms:
-        raise InputError("energy terms of ModalSolver.terms are not written", key="terms")
+        raise InputError("the energy terms of ModalSolver.terms cannot be exported", key="terms")
     for name, key in _NOT_WRITTEN.items():
         if name in model.fittings.given:
             raise InputError(
-                "springs, masses, rigid places and slanted supports are not written",
+                "springs, point masses, rigid bodies and inclined supports cannot be exported",
                 key=key,
-                cure=f'Leave them out: "--set modal.{key}=".'
+                cure=f'Remove them: "--set modal.{key}=".'
                 if key != "fixed"
-                else "Hold places along x, y and z.",
+                else "Hold places along x, y or z only.",
             )

@@ -48,7 +48,7 @@ def find(scene: str | Path) -> Path:
     if str(scene) == path.name and os.path.isfile(named := folder() / f"{scene}.toml"):
         return named
     if why not in (registry.NO_SUCH_FILE, registry.IS_FOLDER):  # suggesting names would not help
-        raise InputError(f"{path}: {why}", cure="See to its permissions, or choose another file.")
+        raise InputError(f"{path}: {why}", cure="Check its permissions, or choose another file.")
     # Imported here, because only the message needs it, and it imports numpy.
     from spacemap_vtk.parameters import suggestion
 

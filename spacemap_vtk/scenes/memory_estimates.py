@@ -148,7 +148,7 @@ def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
 def require_pixels(scene: Scene, request: PictureRequest) -> None:
     """Refuse a picture whose pixels alone do not fit into memory."""
     what = f"a picture of {prod(request.size):,} pixels"
-    require_memory(pixel_bytes(scene, request), what, key="size", cure="Take a smaller one.")
+    require_memory(pixel_bytes(scene, request), what, key="size", cure="Reduce the size.")
 
 
 def require_sheet(scene: Scene, counts: tuple[int, int], size: int) -> None:
@@ -156,9 +156,9 @@ def require_sheet(scene: Scene, counts: tuple[int, int], size: int) -> None:
     with scene.add_file_to_errors(), add_section_to_errors("view"):
         require_memory(
             size,
-            "a picture of {} x {} yarns, as a sheet,".format(*counts),
+            "a picture of {} x {} yarns as a sheet".format(*counts),
             key="size",
-            cure="Take a smaller one, or fewer ends and picks.",
+            cure="Reduce the size, or use fewer ends and picks.",
         )
 
 
@@ -169,9 +169,9 @@ def require_piece(scene: Scene, counts: tuple[int, int], patches: int, sides: in
     with scene.add_file_to_errors(), add_section_to_errors("view"):
         require_memory(
             size,
-            "a picture of {} x {} yarns, in pieces,".format(*counts),
+            "a picture of {} x {} yarns in pieces".format(*counts),
             key="size",
-            cure="Take a smaller one, lower surface.subdivisions, or fewer ends and picks.",
+            cure="Reduce the size, lower surface.subdivisions, or use fewer ends and picks.",
         )
 
 
@@ -190,7 +190,7 @@ def require_yarns(
 
     auto = ""
     if scene.surface.subdivisions is not None:
-        auto = 'Set surface.subdivisions to "auto": only what is seen is made then. '
+        auto = 'Set surface.subdivisions to "auto", so that only visible yarns are built. '
 
     def cure(free: int) -> str:
         share = next((k / 100 for k in range(99, 0, -1) if needed(sides, k / 100) <= free), 0.01)

@@ -10,7 +10,7 @@ from spacemap_vtk.scenes.scene import Scene
 #: Ways to move a cage: the sections, that of the mover first, and a label.
 MOTIONS = {
     "response": (("response",), "modes"),
-    "rotation": (("response", "rotation"), "modes,\nturning rebuilt"),
+    "rotation": (("response", "rotation"), "modes,\nrotation corrected"),
     "transient": (("transient",), "steps"),
 }
 
@@ -21,7 +21,7 @@ def require_loads(scene: Scene) -> LoadParameters:
     if isinstance(mover, LoadParameters):
         return mover
     raise InputError(
-        "this scene has no loads that could move it in several ways",
+        "the scene has no loads, so that its motions cannot be compared",
         allowed="a scene with [response] or [transient]",
     )
 
@@ -32,8 +32,8 @@ def set_motion(scene: Scene, name: str, given: LoadParameters) -> None:
     values = {key: getattr(given, key) for key in LoadParameters.parameters}
     if name != "transient" and isinstance(given, TransientResponse) and given.held:
         scene.warn(
-            "what [transient] holds up to t = 0 does not carry over to modes: by these the cage "
-            "starts where it hangs, or undeformed"
+            "modes cannot hold the cage until t = 0, as [transient] does: they start from the "
+            "equilibrium, or undeformed"
         )
     kept = {stage.section for stage in scene.stages if stage.role not in ("mover", "rotation")}
     scene.apply_settings({sections[0]: values}, kept | set(sections))

@@ -39,10 +39,10 @@ def order_roles(stages: Collection[type[Stage]]) -> list[str]:
     for stage in stages:
         if stage.role not in roles:
             raise InputError(
-                f"{stage.__name__} has no place in a pipeline: its role is "
+                f"{stage.__name__} cannot be placed in the pipeline: its role is "
                 f'"{stage.role}", after "{stage.after}"',
-                allowed=f"one of {', '.join(roles)}, or any role after one of these",
-                cure='Declare one, as in role, after = "smoothing", "mover".',
+                allowed=f"one of {', '.join(roles)}, or a new role after one of these",
+                cure='Declare both, for example role, after = "smoothing", "mover".',
             )
     return roles
 
@@ -86,9 +86,9 @@ def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) 
             alike += [other for other in found if other.makes == stage.makes]
             section = alike[0].section
             raise InputError(
-                f"a scene with [{section}] has no [{stage.section}]",
+                f"cannot be combined with [{section}]",
                 key=stage.section,
-                cure=f"Remove one of the two: [{section}] takes the place of [{stage.section}].",
+                cure=f"Remove one of the two: [{section}] replaces [{stage.section}].",
             )
 
 

@@ -73,11 +73,11 @@ def report_modes(scene: Scene) -> dict[str, Any]:
     """Return the modes of a scene's cage."""
     solver, mover = scene.stage("solver"), scene.stage("mover")
     if solver is None:
-        missing, cure = "a motion out of a file", "Put [modal] in place of [motion]."
+        missing, cure = "a motion from a file", "Replace [motion] by [modal]."
         if not scene.moves:
             missing = "no cage"
             cure = 'Add a section [modal], or "--set cage.divisions=[5,5,1]".'
-        raise InputError(f"{scene.file}: this scene has {missing}, so no modes", cure=cure)
+        raise InputError(f"{scene.file}: the scene has {missing} and therefore no modes", cure=cure)
     scene.check()  # check the damping before the modes are solved
     scene.update_stage(solver)
     grid = solver.output
@@ -100,14 +100,14 @@ def report_modes(scene: Scene) -> dict[str, Any]:
     if unresolved := describe_unresolved_modes(
         list(mode_errors(cage.model, eigenvalues, cage.shapes))
     ):
-        scene.warn(f"{unresolved}; set cage.divisions finer")
+        scene.warn(f"{unresolved}; increase cage.divisions")
     hanging = _report_equilibrium(scene.modal, cage.model)
     if hanging is not None and (error := hanging["drape_coefficient_error"]) is not None:
         found = hanging["drape_coefficient"]
         if error > DRAPE_TOLERANCE * found:
             scene.warn(
-                f"the drape coefficient still depends on the cage's cells: {found:.1%} differs by "
-                f"{error:.1%} from that in cells twice as wide; set cage.divisions finer"
+                f"the drape coefficient still depends on the cage's cells: {found:.1%} changes by "
+                f"{error:.1%} with cells twice as wide; increase cage.divisions"
             )
     return {
         "vertices": grid.GetNumberOfPoints(),
@@ -177,16 +177,16 @@ def describe_motion(figures: dict[str, Any]) -> str:
     if not figures["rebuilt"]:
         told += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
         told += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
-        told += ": a section [rotation] takes the stretch out" if large else ""
+        told += ": a section [rotation] removes the artificial stretch" if large else ""
     if figures["largest_rotation_deg"] > math.degrees(TRUSTED_ROTATION):
         told += (
-            f"; beyond {math.degrees(TRUSTED_ROTATION):.0f}° the shape of a linear motion is not "
-            "to be trusted, rebuilt or not: use [transient] in place of [response]"
+            f"; above {math.degrees(TRUSTED_ROTATION):.0f}° a linear motion has a wrong shape, "
+            "even with [rotation]: use [transient] instead of [response]"
         )
     if large and math.isfinite(figures["period_factor"]):
         told += (
-            f"; so wide a swing takes {figures['period_factor']:.3g} times as long, which "
-            "[transient] in place of [response] shows"
+            f"; a swing of this size takes {figures['period_factor']:.3g} times as long: "
+            "[transient] instead of [response] shows it"
         )
     return told
 
@@ -275,11 +275,11 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     woven = scene.woven
     if woven is None:
         raise InputError(
-            f"{scene.file}: this scene is not woven",
-            cure="Its own figures are those of `spacemap_vtk.scenes.object_report.report_object`.",
+            f"{scene.file}: the scene is not woven",
+            cure="Use `spacemap_vtk.scenes.object_report.report_object`.",
         )
     if time is not None and not scene.moves:
-        raise InputError("this scene does not move", key="time", cure="Add a section [response].")
+        raise InputError("the scene does not move", key="time", cure="Add a section [response].")
     figures, over = report_cloth(scene), woven.cloth.drawdown
     room = figures["thickness"] is not None
     solver, made = scene.stage("solver"), scene.stage("cage")
@@ -293,7 +293,7 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         pass
     if over.size > MOST_CROSSINGS:
         if figures["least_clearance"] is None:
-            scene.warn(f"the least clearance is not looked for: over {MOST_CROSSINGS} crossings")
+            scene.warn(f"the least clearance is not computed: over {MOST_CROSSINGS} crossings")
     elif room and time is not None:
         scene.update_stage(scene.warp, time)
         moved = points_of(scene.patches)

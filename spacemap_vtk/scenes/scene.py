@@ -375,7 +375,7 @@ class Scene:
         with add_section_to_errors("view"):
             if self.view.color not in self.colorings:
                 raise InputError(
-                    "this scene has nothing of that kind to show",
+                    "the scene does not have this quantity",
                     key="color",
                     value=self.view.color,
                     allowed=", ".join(self.colorings),
@@ -407,7 +407,7 @@ class Scene:
         if woven is None:
             return None
         found: GeometryError | SizeError
-        what = "there is no room for its yarns, so that it cannot be drawn"
+        what = "the cloth cannot be drawn, because its yarns do not fit"
         with self.add_file_to_errors(), add_section_to_errors(self.source.section):
             try:
                 woven.cloth.check()
@@ -419,7 +419,7 @@ class Scene:
                     _ = woven.counts
                     return None
                 except SizeError as error:
-                    found, what = error, "it is too large to be made whole, as files have it"
+                    found, what = error, "the cloth is too large for a file of its surface"
         found.section = self.source.section
         parameter = self.source.parameters.get(found.key or "")
         if isinstance(found.value, float) and parameter is not None:
@@ -449,7 +449,7 @@ class Scene:
             if stage.makes == "cage":
                 return stage
         raise InputError(
-            "this scene has no cage",
+            "the scene has no cage",
             key="cage",
             cure='Add a section [cage], or "--set cage.divisions=[5,5,1]".',
         )
@@ -466,8 +466,8 @@ class Scene:
             draft = None if self.textile is None else self.textile.make_draft()
             if draft is None:
                 raise InputError(
-                    f"{self.title}: this scene is not woven, and has no draft",
-                    cure="Weaves have a section [weave], or are drafts.",
+                    f"{self.title}: the scene is not woven and has no draft",
+                    cure="Open a draft, or a scene with a section [weave].",
                 )
             self._warnings |= dict.fromkeys(draft.warnings)
             return draft
@@ -512,7 +512,7 @@ class Scene:
         part = require_part(self.parts, section)
         if not isinstance(values, Mapping):
             raise InputError(
-                "not a section",
+                "must be a section",
                 key=section,
                 value=values,
                 cure=f"Write [{section}] on its own line.",
@@ -556,5 +556,5 @@ class Scene:
 def _clean_title(value: Any) -> str:
     """Return a scene's title without control characters."""
     if not isinstance(value, str):
-        raise InputError("not a string", key="title", value=value)
+        raise InputError("must be a string", key="title", value=value)
     return "".join(c if c.isprintable() else " " for c in value)

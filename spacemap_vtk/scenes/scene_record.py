@@ -68,7 +68,7 @@ def describe_outside_files(scene: Scene) -> Iterator[str]:
                 for by, other in [*((each, path) for each in scenes), *file_references(path)]:
                     place = os.path.realpath(other)
                     if not any(_is_inside(place, each.parent) for each in (by, *scenes)):
-                        yield f"{by} names {place}, beyond its own folder: it is read"
+                        yield f"{by} refers to {place}, outside its folder; the file is read"
 
 
 def _is_inside(place: str, folder: Path) -> bool:
@@ -88,13 +88,13 @@ def restore_scene(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[
     if all(faults):
         raise InputError(
             faults[0] or "",
-            cure="Put it back as it was, or say with --folder where the scene's folder is.",
+            cure="Restore it, or give the scene's folder with --folder.",
         )
     folder = folders[faults.index(None)]
     try:
         values = parse_toml(record.scene)
     except ValueError as error:
-        raise InputError(f"the scene in its record is damaged: {error}") from None
+        raise InputError(f"the recorded scene is damaged: {error}") from None
     inputs = [folder / name for name in record.inputs]
     allowed = {os.path.abspath(path) for path in inputs}
     for path in paths_in(resolve_paths(values, section_classes(), folder)):
@@ -102,9 +102,9 @@ def restore_scene(record: Record, folders: Iterable[Path]) -> tuple[Scene, list[
         for other in [*_matching_files(path), *filter(os.path.isfile, beside)]:
             if os.path.abspath(other) not in allowed:
                 raise InputError(
-                    f"the scene in its record names {other}, which is not among the files that it "
-                    "says were read",
-                    cure='See it with "spacemap info": it was not made by this program.',
+                    f"the recorded scene refers to {other}, which is not among its input files",
+                    cure="This program did not write the record. Inspect the file with "
+                    '"spacemap info".',
                 )
     return Scene(values, folder / (Path(record.file).name or "scene.toml")), inputs
 
@@ -114,9 +114,9 @@ def _find_fault(record: Record, folder: Path) -> str | None:
     for name, was in record.inputs.items():
         path = folder / name
         if not os.path.isfile(path):
-            return f"{path}, which was read for it, is not there"
+            return f"the input file {path} is missing"
         if _digest(path, path.stat().st_mtime_ns) != was:
-            return f"{path}, which was read for it, has changed since"
+            return f"the input file {path} has changed"
     return None
 
 

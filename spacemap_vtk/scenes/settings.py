@@ -64,108 +64,108 @@ class Direction(Vector):
         """Convert to three numbers, not all zero."""
         found = super().convert(value)
         if not any(found):
-            raise InputError("no direction: its length is zero")
+            raise InputError("must not be the zero vector")
         return found
 
 
 class View(Parameterised):
-    """How a scene is drawn."""
+    """Camera, style, colours and annotations of a scene's pictures."""
 
     section = "view"
 
     show = Choice(
         "fabric",
-        "What is drawn: the fabric or object, the cage's edges, both in one place, or both side "
-        "by side.",
+        "What is drawn: the fabric or object, the cage's edges, both overlaid, or both side by "
+        "side.",
         ["fabric", "cage", "both", "side by side"],
     )
     color = Choice(
         "own",
-        "What the surface's colours show; numbers get a scale. Velocity, strain, stress and the "
-        "displacement to the equilibrium (modal.gravity) are the cage's, and ride along.",
+        "What the surface's colours show; numbers get a colour scale. Velocity, strain, stress "
+        "and the displacement to the equilibrium (modal.gravity) are interpolated from the cage.",
         list(COLORINGS),
     )
     camera = Choice(
         "three-quarter",
-        "Where it is seen from; side is right. lying: z is up, as of cloth on a table. face: from "
-        "the front without perspective. Of a cloth whose ends or picks are given by a draft and "
-        "that is far longer than wide, the beginning is drawn.",
+        "Where the camera is; side is right. lying: z points up, as for cloth on a table. face: "
+        "from the front without perspective; if a draft makes the cloth far longer than wide, only "
+        "its beginning is drawn.",
         list(CAMERAS),
-        automatic="three-quarter, or lying where z is up in an object",
+        automatic="three-quarter, or lying if z points up in an object",
     )
     size = Vector(
         None,
         "Width and height of the picture in pixels.",
         component=Integer(1, "", minimum=SMALLEST_SIDE, maximum=8192),
         labels="wh",
-        automatic="{0} x {1}; of still cloth that is seen flat (face), its own proportions, the "
-        "longer side {0}, or {2} where there are more than {3} ends and picks together".format(
+        automatic="{0} x {1}; for still cloth seen from its face, the proportions of the cloth "
+        "with a longer side of {0}, or {2} for more than {3} ends and picks together".format(
             *USUAL_SIZE, WIDE_SIDE, MANY_THREADS
         ),
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
-    zoom = Real(1.0, "Above 1: nearer.", minimum=0.1, maximum=100.0)
-    supports = Flag(True, "Dots at the cage's fixed vertices.", when=_CAGE)
-    loads = Flag(False, "Arrows for what acts on the cage, as long as it is strong at the time.")
-    ghost = Flag(
-        False, "The fabric or object undeformed, pale, beside where it hangs or is drawn moved."
+    zoom = Real(1.0, "Magnification; above 1 the camera is nearer.", minimum=0.1, maximum=100.0)
+    supports = Flag(True, "Draw dots at the cage's fixed vertices.", when=_CAGE)
+    loads = Flag(
+        False, "Draw arrows for the loads on the cage; their length shows the present strength."
     )
+    ghost = Flag(False, "Also draw the undeformed fabric or object, in pale colours.")
     scale_bar = Flag(
         False,
-        "A bar of a round length; with perspective that of what is in the plane of the focus.",
+        "Draw a scale bar of a round length; with perspective it is valid in the plane of focus.",
     )
-    triad = Flag(False, "The axes: x along the weft, y along the warp, z the cloth's normal.")
-    time_stamp = Flag(False, "The time that is shown.")
+    triad = Flag(False, "Draw the axes: x along the weft, y along the warp, z normal to the cloth.")
+    time_stamp = Flag(False, "Write the time into the picture.")
     line_scale = Real(
-        1.0, "How many times as thick lines and dots are drawn.", minimum=0.1, maximum=20.0
+        1.0, "Factor on the width of lines and the size of dots.", minimum=0.1, maximum=20.0
     )
     clip_normal = Direction(
         None,
-        "Cut open with a plane: the direction of what stays in sight.",
+        "Cut the scene with a plane: the plane's normal, towards the part that stays visible.",
         component=Real(0.0, ""),
-        automatic="the whole is drawn",
+        automatic="not cut",
     )
     clip_origin = Vector(
         None,
-        "A point of the plane that cuts.",
+        "A point of the cutting plane.",
         component=Real(0.0, "", unit="m"),
         automatic="the middle of the fabric or object at rest",
         when={"clip_normal": ()},
     )
     style = Choice(
         "studio",
-        "What it looks like. studio: cloth in warm and cool light. paper: quiet, on white, to be "
-        "printed. schematic: flat colours, black lines. blueprint: white lines on blue.",
+        "Style of drawing. studio: cloth in warm and cool light. paper: plain, on white, for "
+        "printing. schematic: flat colours, black lines. blueprint: white lines on blue.",
         list(STYLES),
     )
     background = Color(
-        None, "Colour of the background, at the bottom.", automatic="as the style has it"
+        None, "Colour of the background at the bottom.", automatic="the colour of the style"
     )
     background_top = Color(
-        None, "Colour of the background, at the top.", automatic="as the style has it"
+        None, "Colour of the background at the top.", automatic="the colour of the style"
     )
     transparent = Flag(
-        False, "No background in pictures and frames of films that can be without, as .png."
+        False, "Leave out the background, in formats that support transparency, such as .png."
     )
     cage_color = Color(
         None,
         "Colour of the cage's edges.",
-        automatic="as the style has it, or dark, or light on a dark background",
+        automatic="the colour of the style, else dark, or light on a dark background",
         when=_CAGE,
     )
     support_color = Color(
         "#d9642c", "Colour of the cage's fixed vertices.", when={**_CAGE, "supports": (True,)}
     )
-    object_color = Color("#b9c4cf", "Colour of an object that has none of its own.")
+    object_color = Color("#b9c4cf", "Colour of an object without colours of its own.")
     shadows = Flag(
         True,
-        "Soft shadow where yarns meet, or an object has folds; none on colours that have a scale.",
+        "Draw soft shadows where yarns touch and in an object's folds; never on colours with a "
+        "scale.",
     )
-
     ground = Flag(
         False,
-        "A soft shadow on level ground below, at the height of the lowest point that is shown; up "
-        "is as the camera has it.",
+        "Draw a soft shadow on level ground at the height of the lowest visible point; the camera "
+        "defines which way is up.",
     )
 
     @property
@@ -201,15 +201,15 @@ def is_dark(color: Sequence[int]) -> bool:
 
 
 class Animation(Parameterised):
-    """Which times a film shows."""
+    """Times, frame rate and speed of a film."""
 
     section = "animation"
     synonyms = MappingProxyType({"fps": "frames_per_second"})  # the command line's --fps
 
-    start = Real(0.0, "First time.", unit="s", minimum=0.0)
-    stop = Real(2.0, "Time at which it ends.", unit="s", above=0.0)
-    frames_per_second = Real(25.0, "Frames for each second of the film.", above=0.0, maximum=1000.0)
-    speed = Real(1.0, "Seconds of motion in a second of film.", above=0.0)
+    start = Real(0.0, "Time of the first frame.", unit="s", minimum=0.0)
+    stop = Real(2.0, "Time at which the film ends.", unit="s", above=0.0)
+    frames_per_second = Real(25.0, "Frames per second of film.", above=0.0, maximum=1000.0)
+    speed = Real(1.0, "Seconds of motion per second of film.", above=0.0)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -221,7 +221,7 @@ class Animation(Parameterised):
         span = self.stop - self.start
         if span <= 0.0:
             raise InputError(
-                "there is nothing to show",
+                "the animation has no frames",
                 key="stop",
                 value=self.stop,
                 allowed=f"a time after animation.start = {self.start:g} s",
@@ -229,11 +229,11 @@ class Animation(Parameterised):
         count = span / self.speed * self.frames_per_second
         if count > MOST_FRAMES:
             raise InputError(
-                f"{count:.0f} frames are too many",
+                f"too many frames: {count:.0f}",
                 key="frames_per_second",
                 value=self.frames_per_second,
-                allowed=f"up to {MOST_FRAMES} frames in all",
-                cure="Show a shorter time, or raise animation.speed.",
+                allowed=f"up to {MOST_FRAMES} frames in total",
+                cure="Shorten the animation, or increase animation.speed.",
             )
         step = self.speed / self.frames_per_second
         # Half a step of tolerance, so that rounding does not add a frame.

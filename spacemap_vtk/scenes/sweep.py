@@ -146,18 +146,18 @@ def make_sweep(
     for name in names:
         if names.count(name) > 1:
             raise InputError(
-                "set twice", key=name, cure=f"Write all its values together: {name}=1,2,3."
+                "is set twice", key=name, cure=f"Give all values in one list: {name}=1,2,3."
             )
     axes = [each for each in lists if len(each.values) > 1]
     if paired and len({len(each.values) for each in axes}) > 1:
         told = ", ".join(f"{each.name} has {len(each.values)}" for each in axes)
         raise InputError(
-            f"lists that are paired have as many values each: {told}",
-            cure="Leave out --zip for all combinations.",
+            f"paired lists must have the same length: {told}",
+            cure="Leave out --zip to run all combinations.",
         )
     many = len(axes[0].values) if paired and axes else prod(len(each.values) for each in axes)
     if many > MOST_RUNS:
-        raise InputError(f"{many} runs are too many", allowed=f"up to {MOST_RUNS}")
+        raise InputError(f"too many runs: {many}", allowed=f"up to {MOST_RUNS}")
     ranges = [range(len(each.values)) for each in axes]
     places = list(zip(*ranges, strict=True)) if paired and axes else list(product(*ranges))
     base, here = resolve_paths(values, read.parts, file.parent), Path.cwd()
@@ -218,7 +218,7 @@ def _make_names_unique(runs: list[Run]) -> list[Run]:
             digest = run.digest
             if digest in seen:
                 raise InputError(
-                    f"twice the same run: {', '.join(run.labels)}", cure="Name each value once."
+                    f"the same run twice: {', '.join(run.labels)}", cure="Give each value once."
                 )
             seen[digest] = run
             run = replace(run, name=f"{run.name[:_MAX_NAME]}-{digest[:8]}")

@@ -52,16 +52,21 @@ for proxy, name, bad, fine, words in (
 
 # Values that a property cannot store raise an error at once, and nothing changes.
 for proxy, name, bad, words in (
-    (weave, "Ends", "many", 'WeaveSource: ends = "many": not a number; allowed: a whole number'),
-    (weave, "Ends", 3.7, "not a whole number"),
+    (
+        weave,
+        "Ends",
+        "many",
+        'WeaveSource: ends = "many": must be a number; allowed: a whole number',
+    ),
+    (weave, "Ends", 3.7, "must be a whole number"),
     (weave, "WarpDiameter", -1e-3, "warp_diameter = -0.001: out of range"),
     (weave, "WarpDiameter", ["0.2 mm", "0.3 kg"], "value 2"),
-    (weave, "WarpSett", "dense", "not a number; allowed: a number greater than 0 1/m"),
+    (weave, "WarpSett", "dense", "must be a number; allowed: a number greater than 0 1/m"),
     (response, "Beta", None, "ModalResponse: beta"),
-    (response, "Gravity", [0, -1], "2 components in place of 3"),
-    (surface, "Subdivisions", "fine", "not a number"),
+    (response, "Gravity", [0, -1], "must have 3 components, not 2"),
+    (surface, "Subdivisions", "fine", "must be a number"),
     (surface, "Subdivisions", 1000, "subdivisions = 1000: out of range"),
-    (response, "Gravity", "0, -1", "2 components in place of 3"),
+    (response, "Gravity", "0, -1", "must have 3 components, not 2"),
 ):
     refusal = ""
     try:

@@ -125,7 +125,8 @@ def check_height(
             f"{format_length(low)}, the warp at most {format_length(high)}",
             key=diameter,
             allowed=f"{diameter} + {names('diameter', 1)} up to "
-            f"{format_length(largest_diameter_sum(p1, p2))} at these spacings, not {format_length(d)}",
+            f"{format_length(largest_diameter_sum(p1, p2))} at these spacings, "
+            f"not {format_length(d)}",
             cure="Use thinner yarns or a larger spacing",
         )
     inside = -JAM * d <= height <= (1.0 + JAM) * d
