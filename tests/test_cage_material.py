@@ -239,7 +239,7 @@ def test_sheet_has_the_stiffness_of_its_yarns():
     connect(weave, TetraCage(), made)
     made.update()
     plate = cloth_stiffness(weave.cloth, COTTON)
-    found = made.measures(made.output)
+    found = made.sheet_figures(made.output)
     expected = data_sheet(plate, fabric_figures(weave.cloth)["areal_mass"])
     for one, other in zip(found, expected, strict=True):
         assert one == pytest.approx(other, rel=1e-9)
@@ -249,8 +249,8 @@ def test_sheet_has_the_stiffness_of_its_yarns():
     )
     # what was measured goes before it
     made.bending_rigidity = "20 uN.m"
-    assert made.measures(made.output).bending_rigidity == pytest.approx((2e-5, 2e-5))
-    assert made.measures(made.output).tensile_rigidity == found.tensile_rigidity
+    assert made.sheet_figures(made.output).bending_rigidity == pytest.approx((2e-5, 2e-5))
+    assert made.sheet_figures(made.output).tensile_rigidity == found.tensile_rigidity
 
 
 def test_yarns_run_the_solver_again_only_if_used():

@@ -157,11 +157,11 @@ def test_the_leading_terms_are_in_closed_form(layers, wide):
     plate = Plate(*square(6, layers, wide, 1)[:2], 2)
     shear, along = 1 / 2.6, 1 / (1 - 0.3**2)
     bending = 1 + 2 * shear / along * wide**2
-    assert plate.times(STUFF, 0, 0) == pytest.approx(bending, rel=0.03)
-    assert plate.times(STUFF, 1, 1) == pytest.approx(bending, rel=0.03)
+    assert plate.stiffness_factor(STUFF, 0, 0) == pytest.approx(bending, rel=0.03)
+    assert plate.stiffness_factor(STUFF, 1, 1) == pytest.approx(bending, rel=0.03)
     swelling = STUFF[2, 2] / 1e6
     twist = 1 + layers**2 * swelling / (4 * shear) * wide**4
-    assert plate.times(STUFF, 0, 1) == pytest.approx(twist, rel=0.04)
+    assert plate.stiffness_factor(STUFF, 0, 1) == pytest.approx(twist, rel=0.04)
 
 
 def test_locking_of_a_bar_is_estimated():

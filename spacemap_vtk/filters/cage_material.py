@@ -318,14 +318,14 @@ class CageMaterial(Parameterised):
     def warnings_for_other_elements(self, sheet: bool) -> Iterator[str]:
         """Yield a warning for each given value that is for other elements than those in use."""
         for name in self.given_values:
-            if why := self.idle_as(name, sheet):
+            if why := self.disabled_for(name, sheet):
                 yield (
                     f"{self.section}.{name} has no effect: {why}; "
                     f'elements = "{"tetrahedra" if sheet else "sheet"}" would change that'
                 )
 
     @classmethod
-    def idle_as(cls, name: str, sheet: bool) -> str:
+    def disabled_for(cls, name: str, sheet: bool) -> str:
         """Return why a parameter has no effect on a cage that is a sheet, or is not."""
         kind = "sheet" if sheet else "tetrahedra"
         if kind in cls.parameter(name).when.get("elements", kind):

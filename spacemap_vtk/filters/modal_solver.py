@@ -282,7 +282,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if linear:
             self._warn_of_volume(model.elasticity)
 
-    def measures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
+    def sheet_figures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
         """Return the figures of a cage that is a sheet, without solving anything.
 
         Parameters

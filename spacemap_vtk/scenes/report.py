@@ -286,7 +286,7 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
         scene.update_stage(made)
         with add_section_to_errors(solver.section):
-            figures |= report_sheet(solver.measures(made.output))
+            figures |= report_sheet(solver.sheet_figures(made.output))
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
     for _ in add_clearance(scene, figures):

@@ -49,7 +49,7 @@ def idle_reason(part: Parameterised, name: str, results: Mapping[str, Any]) -> s
     """Return why a parameter has no effect (empty if it has one), given the last run's results."""
     reason, kind = part.disabled_by(name), results.get("elements")
     if not reason and kind and isinstance(part, CageMaterial) and part.elements == "auto":
-        reason = part.idle_as(name, kind == "sheet")
+        reason = part.disabled_for(name, kind == "sheet")
     return reason
 
 

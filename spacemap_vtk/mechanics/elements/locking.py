@@ -160,17 +160,19 @@ def estimate_locking(
         return Locking(1.0, 1.0)
     plate = _CurvedSheet(vertices, corners, sheet.normal)
     kept = _limit_poissons_ratio(elasticity)
-    factors = [plate.times(kept, axis, axis) if linear else 1.0 for axis in sheet.long]
+    factors = [plate.stiffness_factor(kept, axis, axis) if linear else 1.0 for axis in sheet.long]
     if len(sheet.long) == 1:
         return Locking(max(*factors, 1.0), 1.0)
     if linear:
-        factors.append(plate.times(elasticity, *sheet.long))
+        factors.append(plate.stiffness_factor(elasticity, *sheet.long))
     else:
         factors.append(1.0 + _twist_excess(vertices, held, sheet, plate, kept))
     with blas_threads.use_one_thread():
         ritz = _Ritz(vertices, corners, held, sheet)
-        stiffer = ritz.stiffer(_plane_stress(elasticity, sheet.long), np.maximum(factors, 1.0))
-    return Locking(max(float(stiffer.min()), 1.0), max(float(stiffer.max()), 1.0))
+        mode_factors = ritz.mode_factors(
+            _plane_stress(elasticity, sheet.long), np.maximum(factors, 1.0)
+        )
+    return Locking(max(float(mode_factors.min()), 1.0), max(float(mode_factors.max()), 1.0))
 
 
 def _limit_poissons_ratio(elasticity: Floats) -> Floats:
@@ -203,7 +205,7 @@ class _CurvedSheet:
         field[:, self._normal] = -x * y / (2 if first == other else 1)
         return strains(self._gradient.evaluate(field))
 
-    def times(self, elasticity: Floats, first: int, other: int) -> float:
+    def stiffness_factor(self, elasticity: Floats, first: int, other: int) -> float:
         """Compute the energy of these strains divided by that of the plate."""
         field = np.zeros_like(self._vertices)
         field[:, self._normal] = self._z**2
@@ -278,7 +280,7 @@ class _Ritz:
         #: Squares of the curvature along x and along y, their product, and the twist squared.
         self._squares = np.array([free.T @ square @ free for square in curvatures])
 
-    def stiffer(self, plate: Floats, factors: Floats) -> Floats:
+    def mode_factors(self, plate: Floats, factors: Floats) -> Floats:
         """Compute how much less each of the lowest modes yields with factors, (n,)."""
         if not self._squares.size:
             return factors
