@@ -69,11 +69,11 @@ def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
 
 _LATE = """
 from spacemap_vtk.mechanics.linalg import blas_threads
-with blas_threads.one():
+with blas_threads.use_one_thread():
     pass
 import scipy.linalg
 from threadpoolctl import threadpool_info
-with blas_threads.one():
+with blas_threads.use_one_thread():
     print({library["num_threads"] for library in threadpool_info()})
 """
 

@@ -86,7 +86,7 @@ def test_more_lines_give_more_digits() -> None:
 
 def test_impossible_shadows_and_discs_are_refused() -> None:
     points, triangles = grid(2)
-    with pytest.raises(InputError, match="must not be the zero vector"):
+    with pytest.raises(InputError, match="must not be zero"):
         shadow_area(points, triangles, [0.0, 0.0, 0.0])
-    with pytest.raises(InputError, match="hangs over"):
+    with pytest.raises(InputError, match="smaller than the cloth"):
         drape_coefficient(1.0, 1.0, 2.0)

@@ -178,8 +178,8 @@ def test_non_finite_points_are_counted_and_named(mesh):
 @pytest.mark.parametrize(
     ("points", "tetrahedra", "what"),
     [
-        (np.eye(4, 3), [[0, 1, 2, 4]], "beyond the 4"),
-        (np.eye(4, 3), [[0, 1, 2, -1]], "beyond the 4"),
+        (np.eye(4, 3), [[0, 1, 2, 4]], "there are 4"),
+        (np.eye(4, 3), [[0, 1, 2, -1]], "there are 4"),
         (np.eye(4, 3), [[0.0, 1.0, 2.0, 3.0]], "integers"),
         (np.eye(4, 3), np.empty((0, 4), int), "at least one"),
         (np.eye(4, 2), [[0, 1, 2, 3]], r"shape \(V, 3\)"),
