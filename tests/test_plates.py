@@ -116,7 +116,7 @@ def test_unmeasured_stiffness_is_unchanged():
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_sheet_that_is_not_positive_definite_is_refused(sign):
     plate = homogeneous_plate(isotropic(E, NU), H)
-    why = r"poissons_ratio_in_plane.*between -2 and 2, the square root of warp over weft.*not the reverse"
+    why = r"poissons_ratio_in_plane.*between -2 and 2, the square root of .*not the reverse"
     with pytest.raises(InputError, match=why):
         apply_measurements(plate, tensile=(4e3, 1e3), ratio=2.0 * sign)
     near = apply_measurements(plate, tensile=(4e3, 1e3), ratio=1.999 * sign, bending=(1e-6, 1e-6))
