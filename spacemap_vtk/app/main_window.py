@@ -137,9 +137,9 @@ class MainWindow(QMainWindow):
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         self.document.open(scene or "plain_weave")
 
-    def report(self, about: str, error: BaseException) -> None:
+    def report(self, kind: str, error: BaseException) -> None:
         """Show an error, and mark the field that it names."""
-        self.errors.show_error(error, about)
+        self.errors.show_error(error, kind)
         draft = self.document.scene.draft_file
         if isinstance(error, SpacemapError) and draft and error.file == str(draft):
             # For an error inside the draft file, mark the field with the file's name.
@@ -150,7 +150,7 @@ class MainWindow(QMainWindow):
             other = section in section_classes() and section != self.properties.section
             if other and not self.director.is_dragging:
                 self.stages.select(section)
-            self.properties.mark_error(error, about)
+            self.properties.mark_error(error, kind)
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Stop the engine before Qt frees anything."""
@@ -316,7 +316,7 @@ class MainWindow(QMainWindow):
     def _connect_errors(self) -> None:
         """Connect each kind of error to the signals that report it and that clear it."""
         document, draft, plots = self.document, self.draft, self.plots
-        for about, failing, righting in (
+        for kind, error_signals, clear_signals in (
             ("run", [self.director.failed], []),  # until a frame is drawn
             (
                 "value",
@@ -330,7 +330,7 @@ class MainWindow(QMainWindow):
             ("plot file", [plots.write_failed], [plots.written]),
             ("export", [self.exports.failed], [self.exports.written]),
         ):
-            self.errors.connect_signals(about, failing, righting)
+            self.errors.connect_signals(kind, error_signals, clear_signals)
         self.exports.lost.connect(
             lambda what: self.errors.show_warning(f"Saved, but {what}.", "export")
         )

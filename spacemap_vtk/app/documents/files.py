@@ -169,15 +169,15 @@ class FileCommands(QObject):
             self._add_recent(self._document.file)
         return saved and self._document.history.isClean()
 
-    def _write(self, write: Callable[[], list[str]], about: str = "file") -> bool:
+    def _write(self, write: Callable[[], list[str]], kind: str = "file") -> bool:
         try:
             lost = write()
         except (SpacemapError, OSError) as error:
-            self._errors.show_error(error, about)
+            self._errors.show_error(error, kind)
             return False
-        self._errors.clear(about)
+        self._errors.clear(kind)
         if lost:
-            self._errors.show_warning(f"Saved, but {'; '.join(lost)}.", about)
+            self._errors.show_warning(f"Saved, but {'; '.join(lost)}.", kind)
         return True
 
     def _add_recent(self, path: Path) -> None:

@@ -29,7 +29,7 @@ _bursts = itertools.count(1)
 _LINE_WIDTH = 80
 #: Qt's value for a width without limit (QWIDGETSIZE_MAX).
 _NO_MAX_WIDTH = 16_777_215
-#: Replaces the characters of `pretty` by those of files.
+#: Replaces the characters of `typeset_units` by those of files.
 _PLAIN = str.maketrans({"²": "2", "³": "3", "·": "."})
 
 

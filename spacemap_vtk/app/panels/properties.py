@@ -237,7 +237,7 @@ class Properties(QScrollArea):
         duration = time.thread_time() - begin
         self._next_limits = time.perf_counter() + max(_LIMIT_SECONDS, duration / _LIMIT_SHARE)
 
-    def mark_error(self, error: SpacemapError, about: str = "value") -> None:
+    def mark_error(self, error: SpacemapError, kind: str = "value") -> None:
         """Mark the field that an error names, if it is on this page."""
         row = self.rows.get(error.key or "")
         if row is not None and row.automatic is not None and row.automatic.isChecked():
@@ -245,7 +245,7 @@ class Properties(QScrollArea):
                 self._last_edited, row
             )  # the automatic value follows from the edited one
         if row is not None and error.section in (None, self.section):
-            row.mark_error(error.message + (f": {error.cure}" if error.cure else ""), about)
+            row.mark_error(error.message + (f": {error.cure}" if error.cure else ""), kind)
             if row.parameter.group:
                 self.groups[row.parameter.group].head.setChecked(True)
             self.ensureWidgetVisible(row)
@@ -259,10 +259,10 @@ class Properties(QScrollArea):
             self.accepted.emit(0)
         return bool(refused)
 
-    def clear_errors(self, about: str) -> None:
+    def clear_errors(self, kind: str) -> None:
         """Remove the marks of one kind of error."""
         for row in self.rows.values():
-            if row.error_kind == about:
+            if row.error_kind == kind:
                 row.mark_error(None)
 
     def _set_value(self, name: str, written: object, burst: int) -> None:
