@@ -38,9 +38,8 @@ def as_command(document: Document, time: float) -> str:
                 f"{section}.{key}={format_value(AUTOMATIC if text is None else text)}",
             ]
             sections_on.add(section)
-    if [stage.section for stage in choose_stages(base_scene.parts, sections_on)] != [
-        s.section for s in scene.stages
-    ]:
+    stages = choose_stages(base_scene.parts, sections_on)
+    if [stage.section for stage in stages] != [stage.section for stage in scene.stages]:
         raise InputError(
             "a command line cannot switch stages on or off",
             cure="Save the scene, and render its file.",

@@ -129,24 +129,24 @@ class DraftGrid(QAbstractScrollArea):
         self._picture = None
         self.viewport().update()
 
-    def describe(self, grid_cell: GridCell) -> str:
+    def describe(self, cell: GridCell) -> str:
         """Describe a cell."""
         shown = self.shown
         assert shown is not None
-        loom, panel = shown.loom, grid_cell.panel
+        loom, panel = shown.loom, cell.panel
         lifted = loom.liftplan is not None
         if panel in ("threading", "warp"):
-            shafts = _join_numbers(loom.threading[grid_cell.x - 1], "no shaft")
-            shaft = f"shaft {grid_cell.y} · " if panel == "threading" else ""
-            return f"{shaft}end {grid_cell.x}, threaded on {shafts}"
+            shafts = _join_numbers(loom.threading[cell.x - 1], "no shaft")
+            shaft = f"shaft {cell.y} · " if panel == "threading" else ""
+            return f"{shaft}end {cell.x}, threaded on {shafts}"
         if panel == "tieup":
-            return f"shaft {grid_cell.y} · treadle {grid_cell.x}"
-        pressed = _join_numbers(shown.treadling[grid_cell.y - 1], "nothing")
+            return f"shaft {cell.y} · treadle {cell.x}"
+        pressed = _join_numbers(shown.treadling[cell.y - 1], "nothing")
         verb = "lifts" if lifted else "presses"
         if panel in ("treadling", "weft"):
-            column = ("shaft" if lifted else "treadle") + f" {grid_cell.x} · "
-            return f"{column if panel == 'treadling' else ''}pick {grid_cell.y} {verb} {pressed}"
-        end, pick = grid_cell.x, grid_cell.y
+            column = ("shaft" if lifted else "treadle") + f" {cell.x} · "
+            return f"{column if panel == 'treadling' else ''}pick {cell.y} {verb} {pressed}"
+        end, pick = cell.x, cell.y
         side = "over" if shown.drawdown[pick - 1, end - 1] else "under"
         shafts = _join_numbers(loom.threading[end - 1], "–")
         marks = _join_numbers(shown.treadling[pick - 1], "–")
@@ -182,43 +182,43 @@ class DraftGrid(QAbstractScrollArea):
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         """Start a stroke, or pick a colour with the right button."""
-        grid_cell = self._cell_at(event.position())
-        if grid_cell is None or self.shown is None:
+        cell = self._cell_at(event.position())
+        if cell is None or self.shown is None:
             return
-        if event.button() == Qt.MouseButton.RightButton and grid_cell.panel in ("warp", "weft"):
-            colors = self.shown.yarn_colors(grid_cell.panel)
-            self.color_picked.emit(QColor(*colors[(grid_cell.x or grid_cell.y) - 1].tolist()))
+        if event.button() == Qt.MouseButton.RightButton and cell.panel in ("warp", "weft"):
+            colors = self.shown.yarn_colors(cell.panel)
+            self.color_picked.emit(QColor(*colors[(cell.x or cell.y) - 1].tolist()))
         if event.button() == Qt.MouseButton.LeftButton:
-            self._start_stroke(grid_cell, event.modifiers())
+            self._start_stroke(cell, event.modifiers())
 
-    def _start_stroke(self, grid_cell: GridCell, keys: Qt.KeyboardModifier) -> None:
+    def _start_stroke(self, cell: GridCell, keys: Qt.KeyboardModifier) -> None:
         assert self.shown is not None
-        if grid_cell.panel == "drawdown" and not self.shown.is_pattern:
+        if cell.panel == "drawdown" and not self.shown.is_pattern:
             self.refused.emit(
                 "The loom determines the drawdown: edit the threading, tie-up or "
                 f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
             )
             return
         second = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
-        self._stroke = Stroke(self.shown, grid_cell, bool(keys & second), self.color)
-        self._last_cell = grid_cell
-        self._apply_stroke(grid_cell)
+        self._stroke = Stroke(self.shown, cell, bool(keys & second), self.color)
+        self._last_cell = cell
+        self._apply_stroke(cell)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Continue a stroke, or describe the cell under the mouse."""
         if self._stroke is None:
             self._highlight(self._cell_at(event.position()))
             return
-        grid_cell = self._cell_at(event.position(), self._stroke.panel)
-        if grid_cell is None or self._last_cell is None:
+        cell = self._cell_at(event.position(), self._stroke.panel)
+        if cell is None or self._last_cell is None:
             return
         # Fill in the cells that a fast mouse has skipped.
-        steps = max(abs(grid_cell.x - self._last_cell.x), abs(grid_cell.y - self._last_cell.y))
+        steps = max(abs(cell.x - self._last_cell.x), abs(cell.y - self._last_cell.y))
         for step in range(1, steps + 1):
-            x = round(self._last_cell.x + (grid_cell.x - self._last_cell.x) * step / steps)
-            y = round(self._last_cell.y + (grid_cell.y - self._last_cell.y) * step / steps)
-            self._apply_stroke(GridCell(grid_cell.panel, x, y))
-        self._last_cell = grid_cell
+            x = round(self._last_cell.x + (cell.x - self._last_cell.x) * step / steps)
+            y = round(self._last_cell.y + (cell.y - self._last_cell.y) * step / steps)
+            self._apply_stroke(GridCell(cell.panel, x, y))
+        self._last_cell = cell
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End a stroke."""
@@ -233,13 +233,13 @@ class DraftGrid(QAbstractScrollArea):
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Move between cells with the arrow keys, edit with Enter, zoom with + and -."""
-        key, grid_cell = event.key(), self._highlighted
+        key, cell = event.key(), self._highlighted
         if key in _ARROW_STEPS and self.shown is not None and not self.is_stroking:
             self._move_highlight(*_ARROW_STEPS[key])
-        elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and grid_cell is not None:
-            self._start_stroke(grid_cell, event.modifiers())
+        elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and cell is not None:
+            self._start_stroke(cell, event.modifiers())
             self._end_stroke()
-            self.hovered.emit(self.describe(grid_cell))
+            self.hovered.emit(self.describe(cell))
         elif event.text() in ("+", "-"):
             self.zoom(event.text() == "+")
         else:
@@ -267,21 +267,21 @@ class DraftGrid(QAbstractScrollArea):
                 self._highlight(neighbour)
                 return
 
-    def _scroll_to(self, grid_cell: GridCell) -> GridCell:
+    def _scroll_to(self, cell: GridCell) -> GridCell:
         """Scroll until a cell is visible."""
         layout = self.current_layout()
         assert layout is not None
         for bar, span, number, space in zip(
             self._scroll_bars,
-            layout.panels[grid_cell.panel],
-            grid_cell[1:],
+            layout.panels[cell.panel],
+            cell[1:],
             self._viewport_size(),
             strict=True,
         ):
             begin = span.pixel_of(number)
             low, high = max(span.low, 0), min(span.high, space)
             bar.setValue(bar.value() + min(0, begin - low) + max(0, begin + span.size - high))
-        return grid_cell
+        return cell
 
     def leaveEvent(self, _event: QEvent) -> None:
         """Remove the highlight."""
@@ -314,20 +314,20 @@ class DraftGrid(QAbstractScrollArea):
         """Return a size that is enough for a small draft."""
         return QSize(360, 420)
 
-    def _apply_stroke(self, grid_cell: GridCell) -> None:
+    def _apply_stroke(self, cell: GridCell) -> None:
         assert self._stroke is not None
         assert self.shown is not None
-        shown = self._stroke.apply(self.shown, grid_cell)
+        shown = self._stroke.apply(self.shown, cell)
         if shown is not self.shown:
             self.shown = shown
             self._update_scroll_range()
             self.repaint_all()
             self.edited.emit(shown, self._stroke.name, True)
 
-    def _highlight(self, grid_cell: GridCell | None) -> None:
-        if grid_cell != self._highlighted:
-            self._highlighted = grid_cell
-            self.hovered.emit("" if grid_cell is None else self.describe(grid_cell))
+    def _highlight(self, cell: GridCell | None) -> None:
+        if cell != self._highlighted:
+            self._highlighted = cell
+            self.hovered.emit("" if cell is None else self.describe(cell))
             self.viewport().update()
 
     def _cell_at(self, at: QPointF, panel: str | None = None) -> GridCell | None:

@@ -30,43 +30,40 @@ class Stroke:
     # The first cell decides: if it has a mark, the stroke removes marks, otherwise it sets marks.
     # An end is on one shaft and a pick on one treadle, unless `several`.
 
-    def __init__(
-        self, shown: EditableDraft, grid_cell: GridCell, several: bool, color: QColor
-    ) -> None:
-        self.panel = grid_cell.panel
-        self.name = EDIT_NAMES[grid_cell.panel]
+    def __init__(self, shown: EditableDraft, cell: GridCell, several: bool, color: QColor) -> None:
+        self.panel = cell.panel
+        self.name = EDIT_NAMES[cell.panel]
         self._color = color.red(), color.green(), color.blue()
-        # A new mark replaces the present one of its end or pick, unless `several`.
-        if grid_cell.panel == "drawdown":
-            self._sets_marks = not shown.drawdown[grid_cell.y - 1, grid_cell.x - 1]
-        elif grid_cell.panel not in ("warp", "weft"):
-            row, number, _ = _marks_of(shown, grid_cell)
+        if cell.panel == "drawdown":
+            self._sets_marks = not shown.drawdown[cell.y - 1, cell.x - 1]
+        elif cell.panel not in ("warp", "weft"):
+            row, number, _ = _marks_of(shown, cell)
             self._sets_marks = number not in row
-        several = several or grid_cell.panel == "tieup" or shown.loom.liftplan is not None
-        self._several = several
+        # Otherwise, a new mark replaces the present one of its end or pick.
+        self._several = several or cell.panel == "tieup" or shown.loom.liftplan is not None
 
-    def apply(self, shown: EditableDraft, grid_cell: GridCell) -> EditableDraft:
-        """Return the draft with the stroke apply to a cell."""
+    def apply(self, shown: EditableDraft, cell: GridCell) -> EditableDraft:
+        """Return the draft with the stroke applied to a cell."""
         if self.panel in ("warp", "weft"):
-            return self._paint(shown, grid_cell)
+            return self._paint(shown, cell)
         if self.panel == "drawdown":
-            index = grid_cell.y - 1, grid_cell.x - 1
+            index = cell.y - 1, cell.x - 1
             if shown.drawdown[index] == self._sets_marks:
                 return shown
             drawdown = shown.drawdown.copy()
             drawdown[index] = self._sets_marks
             return replace(shown, drawdown=drawdown)
-        row, number, changed = _marks_of(shown, grid_cell)
+        row, number, with_marks = _marks_of(shown, cell)
         marks = row
         if self._sets_marks and not self._several:
             marks = (number,)
         elif (number in row) != self._sets_marks:
             marks = shown.loom.toggle(row, number)
-        return shown if marks == row else shown.with_loom(changed(marks))
+        return shown if marks == row else shown.with_loom(with_marks(marks))
 
-    def _paint(self, shown: EditableDraft, grid_cell: GridCell) -> EditableDraft:
+    def _paint(self, shown: EditableDraft, cell: GridCell) -> EditableDraft:
         colors = shown.yarn_colors(self.panel)
-        index = (grid_cell.x or grid_cell.y) - 1
+        index = (cell.x or cell.y) - 1
         if tuple(colors[index].tolist()) == self._color:
             return shown
         colors = colors.copy()
@@ -75,21 +72,13 @@ class Stroke:
 
 
 def _marks_of(
-    shown: EditableDraft, grid_cell: GridCell
+    shown: EditableDraft, cell: GridCell
 ) -> tuple[tuple[int, ...], int, Callable[[tuple[int, ...]], Loom]]:
     """Return the marks of an end, pick or treadle, the cell's number, and a setter of marks."""
     loom = shown.loom
-    if grid_cell.panel == "threading":
-        return (
-            loom.threading[grid_cell.x - 1],
-            grid_cell.y,
-            partial(loom.replace_threading, grid_cell.x),
-        )
-    if grid_cell.panel == "treadling":
-        return (
-            shown.treadling[grid_cell.y - 1],
-            grid_cell.x,
-            partial(loom.replace_treadling, grid_cell.y),
-        )
-    tied = loom.tieup[grid_cell.x - 1] if grid_cell.x <= len(loom.tieup) else ()
-    return tied, grid_cell.y, partial(loom.replace_tie, grid_cell.x)
+    if cell.panel == "threading":
+        return loom.threading[cell.x - 1], cell.y, partial(loom.replace_threading, cell.x)
+    if cell.panel == "treadling":
+        return shown.treadling[cell.y - 1], cell.x, partial(loom.replace_treadling, cell.y)
+    tied = loom.tieup[cell.x - 1] if cell.x <= len(loom.tieup) else ()
+    return tied, cell.y, partial(loom.replace_tie, cell.x)

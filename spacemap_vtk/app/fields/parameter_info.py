@@ -27,22 +27,13 @@ def automatic_values(part: Parameterised) -> dict[str, Any]:
     """Return the values in use for a weave's automatic parameters; empty for other stages."""
     if not isinstance(part, Woven):
         return {}
-    try:
-        colors = {
-            family: threads.colors
-            for family, threads in zip(FAMILIES, part.cloth.threads, strict=True)
-        }
-        uniform = {
-            family: values[0].tolist()
-            for family, values in colors.items()
-            if (values == values[0]).all()
-        }
-        return {
-            **part.automatic_values,
-            **{f"{family}_color": tuple(values) for family, values in uniform.items()},
-        }
-    except SpacemapError:
-        return {}
+    with suppress(SpacemapError):
+        values = dict(part.automatic_values)
+        for family, threads in zip(FAMILIES, part.cloth.threads, strict=True):
+            if (threads.colors == threads.colors[0]).all():
+                values[f"{family}_color"] = tuple(threads.colors[0].tolist())
+        return values
+    return {}
 
 
 def idle_reason(part: Parameterised, name: str, results: Mapping[str, Any]) -> str:
