@@ -28,7 +28,7 @@ def automatic_values(part: Parameterised) -> dict[str, Any]:
     if not isinstance(part, Woven):
         return {}
     with suppress(SpacemapError):
-        values = dict(part.automatic_values)
+        values: dict[str, Any] = dict(part.automatic_values)
         for family, threads in zip(FAMILIES, part.cloth.threads, strict=True):
             if (threads.colors == threads.colors[0]).all():
                 values[f"{family}_color"] = tuple(threads.colors[0].tolist())
