@@ -118,7 +118,7 @@ def test_phase_without_a_unit_is_in_degrees() -> None:
     for phase in (90, "90 deg", f"{math.pi / 2} rad"):
         made = Load(**load, phase=phase)
         assert made.function.value(1e-12) == pytest.approx(1.0)
-    assert "in degrees where no unit is given" in Load.parameter("phase").describe()
+    assert "in degrees unless it has a unit" in Load.parameter("phase").describe()
     loads = Scene({}).response.parameter("loads")
     assert "phase (in degrees unless it has a unit)" in loads.describe()
 

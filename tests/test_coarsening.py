@@ -67,4 +67,4 @@ def test_drape_coefficient_reports_its_dependence_on_cells():
     # Folds are unstable: solved twice, they differ by rounding that has grown to thousandths.
     assert error == pytest.approx(abs(found[0] - found[1]), abs=0.005)
     assert error > 0.1 * found[0]
-    assert f"{found[0]:.1%} differs by {error:.1%} from that in cells twice as wide" in warning
+    assert f"{found[0]:.1%} changes by {error:.1%} with cells twice as wide" in warning

@@ -59,7 +59,7 @@ def test_researcher_compares_cages(
     elements.activated.emit(elements.currentIndex())
     wait_until(lambda: settled(window) and "The cage is a sheet" in modes.sheet.text())
     assert modes.table.item(0, 1).text() != tetrahedra
-    wait_until(lambda: "shorter than the cage's cells resolve" in modes.unresolved.text())
+    wait_until(lambda: "not resolved by the cage's cells" in modes.unresolved.text())
 
     # 4. A finer cage.
     window.stages.select("cage")
