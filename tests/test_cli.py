@@ -6,6 +6,7 @@ import importlib
 import inspect
 import json
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import pytest
 import pyvista as pv
 from PIL import Image
 
-from spacemap_vtk.cli.main import COMMANDS, EXTENSIONS, main
+from spacemap_vtk.cli.main import COMMANDS, EXTENSIONS, app, main
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.algorithm import Algorithm
 from spacemap_vtk.io import registry
@@ -263,6 +264,19 @@ def test_help_teaches(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     listed = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert command in listed
     assert summary[:40] in listed
+
+
+@pytest.mark.parametrize("command", [*COMMANDS, "paraview", "serve"])
+def test_examples_in_the_help_are_valid_commands(command: str) -> None:
+    place = EXTENSIONS.get(command) or f"spacemap_vtk.cli.{COMMANDS[command][0]}"
+    module, function = place.split(":")
+    doc = inspect.cleandoc(getattr(importlib.import_module(module), function).__doc__)
+    examples = re.findall(r"^ {4,}(spacemap .*)$", doc.replace("\\\n", ""), re.M)
+    assert examples or command == "serve"
+    for example in examples:
+        words = shlex.split(example.partition(" > ")[0])[1:]
+        assert words[0] in (*COMMANDS, *EXTENSIONS)
+        app.parse_args(words, exit_on_error=False, print_error=False)
 
 
 def test_materials_print_their_source_and_assumptions(
