@@ -131,7 +131,7 @@ OWN_WRITERS = {
     # kept frames of a film, with checksums
     "jobs/frames.py": {"write": {"os.replace"}, "remove": {"os.replace"}},
     # input of another program, in a hidden folder
-    "cage/tetwild.py": {"_run": {"np.savez"}},
+    "cage/tetwild.py": {"_run_tetwild": {"np.savez"}},
     "draw/raytrace.py": {"_shapes": {"open", "np.savetxt"}},
     "io/formats/usd.py": {"write_usd": {"layer.Export"}},
     # in memory

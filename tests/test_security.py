@@ -236,7 +236,7 @@ def test_postscript_pictures_are_refused(monkeypatch):
         picture.load()  # Pillow would run it, of a file with any ending
     assert ran
     ran.clear()
-    with pytest.raises(InputError, match="no picture"):
+    with pytest.raises(InputError, match="not a picture"):
         decode_picture(text, lambda width, height: None)
     assert ran == []
 
