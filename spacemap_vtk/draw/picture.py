@@ -100,16 +100,16 @@ class Picture:
         Width and height in pixels; by default the scene's.
     show : sequence of str, optional
         Content of each panel, ``"fabric"``, ``"cage"`` or ``"both"``; by default the scene's.
-    place : Viewpoint, optional
+    viewpoint : Viewpoint, optional
         Placement of the camera; by default the scene's.
     extent : tuple, optional
         Points that the camera shows and the ends of the scale, for more than this motion of the
         scene; see `motion_extent`.
-    bare : bool
+    for_page : bool
         Whether the picture is for a page, which has a scale for all pictures. Then there is no
         background and no scale, and pixels have a fourth value, their coverage.
-    clear : bool
-        Whether there is no background, as for `bare`, but a scale.
+    transparent : bool
+        Whether there is no background, as for `for_page`, but a scale.
     wireframe : bool
         Whether only the edges of the fabric's facets are drawn.
 
