@@ -160,14 +160,14 @@ def reflected_light(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
     green = triples[7, 1] + (triples[6, 1] - triples[7, 1]) * up
     blue = triples[7, 2] + (triples[6, 2] - triples[7, 2]) * up
     for lamp in range(3):
-        falls = max(_dot(n, triples[lamp]) + wrap, 0.0)
-        red += falls * triples[3 + lamp, 0]
-        green += falls * triples[3 + lamp, 1]
-        blue += falls * triples[3 + lamp, 2]
+        received = max(_dot(n, triples[lamp]) + wrap, 0.0)
+        red += received * triples[3 + lamp, 0]
+        green += received * triples[3 + lamp, 1]
+        blue += received * triples[3 + lamp, 2]
     front = max(_dot(n, eye), 0.0)
     aside, away = 1.0 - front, max(1.0 - front / 0.75, 0.0)
-    kept = 1.0 - facing * away * away
-    red, green, blue = red * kept, green * kept, blue * kept
+    facing_factor = 1.0 - facing * away * away
+    red, green, blue = red * facing_factor, green * facing_factor, blue * facing_factor
     white = gloss * max(_dot(n, triples[8]), 0.0) ** power if gloss > 0.0 else 0.0
     white += sheen * aside * aside * aside * green
     return red, green, blue, white
@@ -182,8 +182,8 @@ def visible_color(
     grey = 0.299 * hue[0] + 0.587 * hue[1] + 0.114 * hue[2]
     for k in range(3):
         tint = triples[9, k] + (triples[10, k] - triples[9, k]) * grey
-        own = tint + (hue[k] - tint) * colored
-        shown = math.sqrt(max(own * own * light[k] + light[3] * (1.0 + 0.4 * (own - 1.0)), 0.0))
+        base = tint + (hue[k] - tint) * colored
+        shown = math.sqrt(max(base * base * light[k] + light[3] * (1.0 + 0.4 * (base - 1.0)), 0.0))
         out[k] = shown + (triples[11, k] - shown) * line
 
 
@@ -208,30 +208,30 @@ def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any
             place = count * wander
             first = math.floor(place)
             side = 2.0 * (place - first) - 1.0
-            own = _tone(first - count * math.floor(first / count))
+            tone = _tone(first - count * math.floor(first / count))
             square = side * side
-            phase = own + (0.17 + 0.3 * own) * strands[2]
+            phase = tone + (0.17 + 0.3 * tone) * strands[2]
             strength = shown * abs(2.0 * (phase - math.floor(phase)) - 1.0)
             tilt += (0.6 if size == 0 else 1.0) * strength * side * (1.0 - square)
-            light *= 1.0 + strength * (0.16 * own - 0.08 - 0.10 * square * square)
+            light *= 1.0 + strength * (0.16 * tone - 0.08 - 0.10 * square * square)
     bent = _tilt(normal, tilt, dx, dy, right, up)
     dx, dy = across[1][1] - strands[1], down[1][1] - strands[1]
     width = abs(dx) + abs(dy)
     if width > 0.0:
         shown = min(max(2.0 - 4.0 * width, 0.0), 1.0)
-        way = strands[1] + 0.5
-        way = way - math.floor(way) - 0.5
-        bent = _tilt(bent, shown * 2.4 * way, dx, dy, right, up)
-        light *= 1.0 - shown * 6.0 * way * way * way * way
+        x = strands[1] + 0.5
+        x = x - math.floor(x) - 0.5
+        bent = _tilt(bent, shown * 2.4 * x, dx, dy, right, up)
+        light *= 1.0 - shown * 6.0 * x * x * x * x
     return _unit(bent), light
 
 
 @compile_function
-def _tilt(normal: Any, much: float, dx: float, dy: float, right: Any, up: Any) -> Any:
+def _tilt(normal: Any, amount: float, dx: float, dy: float, right: Any, up: Any) -> Any:
     """Return a normal tilted in the direction in which a phase with the given slopes grows."""
     x, y = dx * right[0] + dy * up[0], dx * right[1] + dy * up[1]
     z = dx * right[2] + dy * up[2]
-    scale = much / math.sqrt(max(x * x + y * y + z * z, 1e-30))
+    scale = amount / math.sqrt(max(x * x + y * y + z * z, 1e-30))
     return normal[0] + scale * x, normal[1] + scale * y, normal[2] + scale * z
 
 
@@ -258,7 +258,7 @@ def shade(
     # colour instead. Empty `normals` mean flat facets, empty `strands` smooth yarns. Where a shader
     # uses differences between neighbouring pixels, this function uses differences over `grain`
     # pixels.
-    shown = np.zeros(3)
+    pixel = np.zeros(3)
     for row in range(len(which)):
         for column in range(which.shape[1]):
             number = which[row, column]
@@ -275,16 +275,16 @@ def shade(
             if mode == UNLIT:
                 out[row, column, 0], out[row, column, 1], out[row, column, 2] = hue
                 continue
-            here = _interpolate(places, a, b, c, w)
-            eye = _view_direction(here, parallel)
-            behind = False
+            place = _interpolate(places, a, b, c, w)
+            eye = _view_direction(place, parallel)
+            is_back = False
             if len(normals):
                 ax, ay = screen[a, 0], screen[a, 1]
                 area = (screen[b, 0] - ax) * (screen[c, 1] - ay)
                 area -= (screen[b, 1] - ay) * (screen[c, 0] - ax)
-                behind = area > 0.0
+                is_back = area > 0.0
                 n = _unit(_interpolate(normals, a, b, c, w))
-                if behind:
+                if is_back:
                     n = -n[0], -n[1], -n[2]
             else:
                 pa, pb, pc = places[a], places[b], places[c]
@@ -303,13 +303,13 @@ def shade(
                 wx = _weights(screen, a, b, c, x + grain, y)
                 wy = _weights(screen, a, b, c, x, y - grain)
                 if len(strands):
-                    own = _interpolate(strands, a, b, c, w)
+                    strand = _interpolate(strands, a, b, c, w)
                     across = _interpolate(places, a, b, c, wx), _interpolate(strands, a, b, c, wx)
                     down = _interpolate(places, a, b, c, wy), _interpolate(strands, a, b, c, wy)
-                    n, bright = _tilt_by_fibres(n, own, across, down, here)
+                    n, bright = _tilt_by_fibres(n, strand, across, down, place)
                     hue = hue[0] * bright, hue[1] * bright, hue[2] * bright
                 if width > 0.0 and len(normals):
-                    sign = -1.0 if behind else 1.0
+                    sign = -1.0 if is_back else 1.0
                     front = _dot(n, eye)
                     nx, ny = (
                         _unit(_interpolate(normals, a, b, c, wx)),
@@ -322,6 +322,6 @@ def shade(
                     line = 1.0 - _smoothstep(width - 0.7, width + 0.7, edge)
                     line *= 1.0 - _smoothstep(numbers[7], 1.1 * numbers[7], front)
             light = reflected_light(triples, numbers, n, eye)
-            visible_color(triples, numbers, hue, light, line, shown)
+            visible_color(triples, numbers, hue, light, line, pixel)
             for k in range(3):
-                out[row, column, k] = min(max(shown[k], 0.0), 1.0)
+                out[row, column, k] = min(max(pixel[k], 0.0), 1.0)

@@ -87,7 +87,7 @@ class _Shape(NamedTuple):
     corners: Ints
     #: Colours, 0 to 1, (k, 3): one for each point, or a table that `cells` refers to.
     colors: Singles
-    lamps: _Light
+    light: _Light
     #: Index of each triangle's colour; empty if the points have the colours.
     cells: Ints = _NO_CELLS
     normals: Floats = _NO_NORMALS
@@ -173,10 +173,10 @@ class SoftwareWindow:
             fine = self._drawn.reshape(height, grain, width, grain, 4)
             self._pixels = self._drawn if grain == 1 else fine.mean(axis=(1, 3))
             self._draw_annotations(self._pixels)
-        made = np.empty(self._pixels.shape, np.uint8)
-        for rows in row_strips(len(made)):
-            made[rows] = np.rint(255.0 * np.clip(self._pixels[rows], 0.0, 1.0))
-        return made
+        pixels = np.empty(self._pixels.shape, np.uint8)
+        for rows in row_strips(len(pixels)):
+            pixels[rows] = np.rint(255.0 * np.clip(self._pixels[rows], 0.0, 1.0))
+        return pixels
 
     def depths(self, second: bool = False) -> Singles:
         """Return the depth of each pixel, 0 to 1; 1 where nothing is drawn."""
@@ -212,19 +212,19 @@ class SoftwareWindow:
             which = np.full(depth.shape, -1, np.int32)
             ends = rows.start, rows.stop
             loops.fill(screen, shape.corners, cut, shape.cull, *ends, depth, which)
-            there = which >= 0
-            if not there.any():
+            covered = which >= 0
+            if not covered.any():
                 return
             color = np.zeros((*which.shape, 3), np.float32)
-            seen = which, screen, shape.corners, places, *tables, *shape.lamps
-            loops.shade(*seen, view.parallel, float(view.grain), rows.start, color)
-            own, cover = color[there], np.full((1, 1), opacity, np.float32)
+            arguments = which, screen, shape.corners, places, *tables, *shape.light
+            loops.shade(*arguments, view.parallel, float(view.grain), rows.start, color)
+            colors, cover = color[covered], np.full((1, 1), opacity, np.float32)
             if shape.picture is not None and shape.texels is not None:
                 texels = _texels(which, rows.start, shape, screen)
-                own = own * texels[:, :3]
+                colors = colors * texels[:, :3]
                 cover = opacity * texels[:, 3:]
-            whole = [cover * own, np.broadcast_to(cover, (len(own), 1))]
-            drawn[there] = np.concatenate(whole, axis=1) + drawn[there] * (1.0 - cover)
+            premultiplied = [cover * colors, np.broadcast_to(cover, (len(colors), 1))]
+            drawn[covered] = np.concatenate(premultiplied, axis=1) + drawn[covered] * (1.0 - cover)
 
         for_each(_bands(len(self._drawn)), lambda: draw)
 
@@ -234,8 +234,10 @@ class SoftwareWindow:
             if not prop.GetVisibility() or not isinstance(prop, vtkActor2D):
                 continue
             if isinstance(prop, vtkTextActor):
-                where = prop.GetPosition()
-                self._draw_text(canvas, prop.GetTextProperty(), prop.GetInput(), where[0], where[1])
+                position = prop.GetPosition()
+                self._draw_text(
+                    canvas, prop.GetTextProperty(), prop.GetInput(), position[0], position[1]
+                )
             elif isinstance(prop, vtkScalarBarActor):
                 self._draw_color_bar(canvas, prop)
             else:
@@ -263,24 +265,24 @@ class SoftwareWindow:
         mask = Image.new("L", self.size)
         corners = [(float(x), self.size[1] - float(y)) for x, y in ring]
         ImageDraw.Draw(mask).polygon(corners, fill=255)
-        there = np.asarray(mask) > 0
+        covered = np.asarray(mask) > 0
         paint = np.array([*(opacity * part / 255 for part in color), opacity], np.float32)
-        canvas[there] = paint + canvas[there] * (1.0 - opacity)
+        canvas[covered] = paint + canvas[covered] * (1.0 - opacity)
 
     def _draw_text(
-        self, canvas: Singles, look: vtkTextProperty, words: str, x: float, y: float
+        self, canvas: Singles, properties: vtkTextProperty, text: str, x: float, y: float
     ) -> None:
         """Draw text whose anchor is at (x, y) in pixels."""
-        if not words:
+        if not text:
             return
         image, ends = vtkImageData(), [0, 0]
-        if not vtkTextRenderer.GetInstance().RenderString(look, words, image, ends, self._dpi):
+        if not vtkTextRenderer.GetInstance().RenderString(properties, text, image, ends, self._dpi):
             return
-        (wide, high, _), extent = image.GetDimensions(), image.GetExtent()
-        letters = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(high, wide, -1)[::-1]
+        (width, height, _), extent = image.GetDimensions(), image.GetExtent()
+        letters = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width, -1)[::-1]
         left, top = round(x) + extent[0], self.size[1] - round(y) - extent[3] - 1
-        rows = slice(max(0, top), min(top + high, self.size[1]))
-        columns = slice(max(0, left), min(left + wide, self.size[0]))
+        rows = slice(max(0, top), min(top + height, self.size[1]))
+        columns = slice(max(0, left), min(left + width, self.size[0]))
         if rows.start >= rows.stop or columns.start >= columns.stop:
             return  # the text is outside the picture
         part = letters[
@@ -288,9 +290,9 @@ class SoftwareWindow:
         ]
         part = part.astype(np.float32) / 255.0
         cover = part[..., 3:]
-        under = canvas[rows, columns]
-        own = np.concatenate([part[..., :3] * cover, cover], axis=2)
-        canvas[rows, columns] = own + under * (1.0 - cover)
+        background = canvas[rows, columns]
+        premultiplied = np.concatenate([part[..., :3] * cover, cover], axis=2)
+        canvas[rows, columns] = premultiplied + background * (1.0 - cover)
 
     def _draw_color_bar(self, canvas: Singles, bar: vtkScalarBarActor) -> None:
         """Draw a colour scale: title, strip of colours, and numbers to the right of the strip."""
@@ -298,13 +300,13 @@ class SoftwareWindow:
         table, labels = bar.GetLookupTable(), vtk_to_numpy(bar.GetCustomLabels())
         title, text = bar.GetTitleTextProperty(), bar.GetLabelTextProperty()
         (x, y), letter = bar.GetPosition(), text.GetFontSize() * self._dpi / 72
-        left, wide = x * width, bar.GetWidth() * width
+        left, bar_width = x * width, bar.GetWidth() * width
         low, high = y * height, (y + bar.GetHeight()) * height
         lines = bar.GetTitle().split("\n")
         top = high - letter * len(lines) - bar.GetVerticalTitleSeparation()
         title.SetJustificationToCentered()
-        left += 0.1 * wide
-        right = left + 0.35 * wide
+        left += 0.1 * bar_width
+        right = left + 0.35 * bar_width
         count = table.GetNumberOfTableValues()
         for number in range(count):
             ends = [low + (top - low) * part / count for part in (number, number + 1)]
@@ -319,8 +321,8 @@ class SoftwareWindow:
             # The margins keep the first and last number within the height of the strip.
             share = (value - least) / (most - least)
             place = low + 0.15 * letter + (top - low - 0.5 * letter) * share
-            words = f"{value:.3g}"
-            self._draw_text(canvas, text, words, right + bar.GetTextPad(), place - 0.35 * letter)
+            label = f"{value:.3g}"
+            self._draw_text(canvas, text, label, right + bar.GetTextPad(), place - 0.35 * letter)
 
 
 class _View(NamedTuple):
@@ -337,11 +339,11 @@ class _View(NamedTuple):
     @classmethod
     def from_renderer(cls, renderer: _Renderer, size: tuple[int, int], grain: int) -> _View:
         camera = renderer.GetActiveCamera()
-        turned = camera.GetViewTransformMatrix()
-        whole = camera.GetCompositeProjectionTransformMatrix(size[0] / size[1], -1.0, 1.0)
+        to_camera = camera.GetViewTransformMatrix()
+        to_clip = camera.GetCompositeProjectionTransformMatrix(size[0] / size[1], -1.0, 1.0)
         tables = [
             np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-            for matrix in (turned, whole)
+            for matrix in (to_camera, to_clip)
         ]
         fine = grain * size[0], grain * size[1]
         return cls(tables[0], tables[1], fine, grain, bool(camera.GetParallelProjection()))
@@ -361,11 +363,13 @@ class _View(NamedTuple):
     def screen_from_clip(self, clip: Floats) -> Floats:
         """Return x and y in samples, depth and reciprocal distance from clip coordinates."""
         behind = clip[:, 3] <= 1e-9 * np.abs(clip[:, 3]).max(initial=1e-300)
-        share = 1.0 / np.where(behind, 1.0, clip[:, 3])
-        x, y, z = (clip[:, :3] * share[:, None]).T
-        share[behind] = 0.0
+        reciprocal = 1.0 / np.where(behind, 1.0, clip[:, 3])
+        x, y, z = (clip[:, :3] * reciprocal[:, None]).T
+        reciprocal[behind] = 0.0
         width, height = self.size
-        return np.stack([(x + 1) / 2 * width, (1 - y) / 2 * height, (z + 1) / 2, share], axis=1)
+        return np.stack(
+            [(x + 1) / 2 * width, (1 - y) / 2 * height, (z + 1) / 2, reciprocal], axis=1
+        )
 
 
 def _bands(height: int) -> list[slice]:
@@ -445,15 +449,15 @@ def _colors(actor: vtkActor, data: vtkPolyData) -> tuple[Singles, bool]:
     mapper = actor.GetMapper()
     plain = np.array(actor.GetProperty().GetColor(), np.float32)
     if mapper.GetScalarVisibility() and not isinstance(mapper, vtkGlyph3DMapper):
-        found = type(mapper)()
-        found.ShallowCopy(mapper)
-        found.SetInputData(data)
-        mapped = found.MapScalars(1.0)
-        if mapped is not None:
-            of_cells = mapped.GetNumberOfTuples() != data.GetNumberOfPoints()
+        copy = type(mapper)()
+        copy.ShallowCopy(mapper)
+        copy.SetInputData(data)
+        colors_array = copy.MapScalars(1.0)
+        if colors_array is not None:
+            of_cells = colors_array.GetNumberOfTuples() != data.GetNumberOfPoints()
             if mapper.GetScalarMode() in (2, 4):
                 of_cells = True
-            colors = vtk_to_numpy(mapped)[:, :3] / np.float32(255.0)
+            colors = vtk_to_numpy(colors_array)[:, :3] / np.float32(255.0)
             return np.ascontiguousarray(colors, np.float32), of_cells
     return np.broadcast_to(plain, (data.GetNumberOfPoints(), 3)).copy(), False
 
@@ -484,33 +488,33 @@ def _surface_shape(
     corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
     before = data.GetNumberOfVerts() + data.GetNumberOfLines()
     cells = before + np.arange(len(corners)) if of_cells else _NO_CELLS
-    look, found = actor.GetProperty(), data.GetPointData().GetNormals()
-    normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
-    strands, lamps = _NO_STRANDS, _unlit()
+    properties, normal_array = actor.GetProperty(), data.GetPointData().GetNormals()
+    normals = _NO_NORMALS if normal_array is None else vtk_to_numpy(normal_array).astype(np.float64)
+    strands, light = _NO_STRANDS, _unlit()
     if isinstance(actor, SurfaceActor) and actor.lighting is not None and actor.lighting.has_faces:
-        lamps = _Light(
+        light = _Light(
             STYLED, *lighting_tables(actor.lighting.style, actor.lighting.pixels_per_point)
         )
         if actor.lighting.fibres:
             strands = vtk_to_numpy(data.GetPointData().GetArray(STRANDS))
-    elif look.GetLighting():
-        lamps = _plain_light(look.GetAmbient())
+    elif properties.GetLighting():
+        light = _plain_light(properties.GetAmbient())
     shape = _Shape(
         points,
         np.ascontiguousarray(corners, np.int64),
         colors,
-        lamps,
+        light,
         cells,
         normals,
         np.ascontiguousarray(strands, np.float32),
-        look.GetBackfaceCulling() + 2 * look.GetFrontfaceCulling(),
+        properties.GetBackfaceCulling() + 2 * properties.GetFrontfaceCulling(),
     )
     texture, texels = actor.GetTexture(), data.GetPointData().GetTCoords()
     if texture is None or texels is None:
         return shape
     image = texture.GetInput()
-    wide, high, _ = image.GetDimensions()
-    picture = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(high, wide, -1)
+    width, height, _ = image.GetDimensions()
+    picture = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width, -1)
     return shape._replace(picture=picture, texels=vtk_to_numpy(texels).astype(np.float64))
 
 
@@ -520,11 +524,11 @@ def _outline_shape(actor: OutlineActor, data: vtkPolyData, points: Floats, view:
 
     corners = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
     normals = vtk_to_numpy(data.GetPointData().GetNormals()).astype(np.float64)
-    away = (normals @ view.to_camera[:3, :3].T)[:, :2]
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-6)
+    directions = (normals @ view.to_camera[:3, :3].T)[:, :2]
+    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-6)
     clip, rows = view.clip_coordinates(points), np.linalg.norm(view.to_clip[:, :3], axis=1)
-    most = actor.max_width * rows[:2]
-    clip[:, :2] += away * np.minimum(np.multiply.outer(clip[:, 3], actor.width), most)
+    max_width = actor.max_width * rows[:2]
+    clip[:, :2] += directions * np.minimum(np.multiply.outer(clip[:, 3], actor.width), max_width)
     back = clip[:, 2:] + 0.2 * actor.max_width * rows[2:]
     clip = np.concatenate([clip[:, :2] * (back[:, 1:] / clip[:, 3:]), back], axis=1)
     colors = np.broadcast_to(np.array(actor.GetProperty().GetColor(), np.float32), points.shape)
@@ -540,20 +544,20 @@ def _outline_shape(actor: OutlineActor, data: vtkPolyData, points: Floats, view:
 
 def _glyph_shapes(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]:
     """Yield an arrow for each vector of a glyph mapper."""
-    places, look = mapper.GetInput(), actor.GetProperty()
+    places, properties = mapper.GetInput(), actor.GetProperty()
     if places is None or not places.GetNumberOfPoints():
         return
     source = mapper.GetInputAlgorithm(1, 0)
     source.Update()
     arrow = _triangulate(source.GetOutput())
-    own = points_of(arrow).astype(np.float64)
+    arrow_points = points_of(arrow).astype(np.float64)
     corners = vtk_to_numpy(arrow.GetPolys().GetConnectivityArray()).reshape(-1, 3).astype(np.int64)
-    found = arrow.GetPointData().GetNormals()
-    normals = _NO_NORMALS if found is None else vtk_to_numpy(found).astype(np.float64)
+    normal_array = arrow.GetPointData().GetNormals()
+    normals = _NO_NORMALS if normal_array is None else vtk_to_numpy(normal_array).astype(np.float64)
     data = places.GetPointData()
     vectors = vtk_to_numpy(data.GetArray("vector")).astype(np.float64)
     colors = vtk_to_numpy(data.GetArray("color"))
-    lamps = _plain_light(look.GetAmbient()) if look.GetLighting() else _unlit()
+    light = _plain_light(properties.GetAmbient()) if properties.GetLighting() else _unlit()
     for start, vector, color in zip(points_of(places), vectors, colors, strict=True):
         length = float(np.linalg.norm(vector))
         if length == 0.0:
@@ -561,14 +565,14 @@ def _glyph_shapes(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]
         along, second, third = vector / length, [0.0] * 3, [0.0] * 3
         vtkMath.Perpendiculars(along.tolist(), second, third, 0.0)
         axes = np.array([along, second, third])
-        painted = np.broadcast_to((color[:3] / 255.0).astype(np.float32), own.shape)
+        arrow_colors = np.broadcast_to((color[:3] / 255.0).astype(np.float32), arrow_points.shape)
         yield _Shape(
-            start + length * own @ axes,
+            start + length * arrow_points @ axes,
             corners,
-            np.ascontiguousarray(painted),
-            lamps,
+            np.ascontiguousarray(arrow_colors),
+            light,
             normals=normals @ axes,
-            cull=look.GetBackfaceCulling(),
+            cull=properties.GetBackfaceCulling(),
         )
 
 
@@ -581,31 +585,34 @@ def _line_and_dot_shapes(
     view: _View,
 ) -> Iterator[_Shape]:
     """Yield lines and dots as triangles in screen coordinates, with widths in pixels."""
-    look, screen = actor.GetProperty(), view.screen_coordinates(points)
+    properties, screen = actor.GetProperty(), view.screen_coordinates(points)
     verts, lines = (_segments(cells) for cells in (data.GetVerts(), data.GetLines()))
     if len(lines[0]):
         (begin, end), cell = lines[0].T, lines[1] + data.GetNumberOfVerts()
-        way = screen[end, :2] - screen[begin, :2]
-        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-        aside = np.zeros((len(way), 4))
-        aside[:, :2] = (
-            0.5 * view.grain * look.GetLineWidth() * np.stack([-way[:, 1], way[:, 0]], axis=1)
+        directions = screen[end, :2] - screen[begin, :2]
+        directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-12)
+        offset = np.zeros((len(directions), 4))
+        offset[:, :2] = (
+            0.5
+            * view.grain
+            * properties.GetLineWidth()
+            * np.stack([-directions[:, 1], directions[:, 0]], axis=1)
         )
-        ends = [screen[begin] - aside, screen[begin] + aside, screen[end] + aside]
-        whole = np.concatenate([*ends, screen[end] - aside])
+        ends = [screen[begin] - offset, screen[begin] + offset, screen[end] + offset]
+        screen_corners = np.concatenate([*ends, screen[end] - offset])
         four = np.arange(4)[:, None] * len(begin) + np.arange(len(begin))
         corners = np.concatenate([four[[0, 1, 2]].T, four[[0, 2, 3]].T])
         which = np.concatenate([begin, begin, end, end])
         hue = np.tile(colors[cell], (4, 1)) if of_cells else colors[which]
-        yield _Shape(points[which], corners, hue, _unlit(), screen=whole)
+        yield _Shape(points[which], corners, hue, _unlit(), screen=screen_corners)
     if len(verts[0]):
         dots, cell = verts[0][:, 0], verts[1]
         turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
         disc = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(turn), np.sin(turn)], axis=1)])
-        sphere, count = look.GetRenderPointsAsSpheres(), len(disc)
-        radius = 0.5 * view.grain * look.GetPointSize()
-        whole = np.repeat(screen[dots], count, axis=0)
-        whole[:, :2] += np.tile(radius * disc * [1.0, -1.0], (len(dots), 1))
+        sphere, count = properties.GetRenderPointsAsSpheres(), len(disc)
+        radius = 0.5 * view.grain * properties.GetPointSize()
+        screen_corners = np.repeat(screen[dots], count, axis=0)
+        screen_corners[:, :2] += np.tile(radius * disc * [1.0, -1.0], (len(dots), 1))
         if sphere:
             # The centre is nearer to the camera by the radius. Otherwise a surface through the
             # point would hide half of the sphere.
@@ -614,7 +621,7 @@ def _line_and_dot_shapes(
             near = view.screen_coordinates(
                 points[dots] + toward * (radius / np.maximum(scale, 1e-12))[:, None]
             )
-            whole[::count, 2:] = near[:, 2:]
+            screen_corners[::count, 2:] = near[:, 2:]
         first, ring = np.arange(len(dots))[:, None] * count, np.arange(1, count)
         fan = np.stack([np.zeros_like(ring), ring, np.roll(ring, -1)], axis=1)
         corners = (first[:, :, None] + fan).reshape(-1, 3)
@@ -623,8 +630,8 @@ def _line_and_dot_shapes(
         which = np.repeat(dots, count)
         hue = np.repeat(colors[cell] if of_cells else colors[dots], count, axis=0)
         normals = np.tile(normals, (len(dots), 1))
-        lamps = _plain_light(0.0) if sphere and look.GetLighting() else _unlit()
-        yield _Shape(points[which], corners, hue, lamps, normals=normals, screen=whole)
+        light = _plain_light(0.0) if sphere and properties.GetLighting() else _unlit()
+        yield _Shape(points[which], corners, hue, light, normals=normals, screen=screen_corners)
 
 
 def _segments(cells: Any) -> tuple[Ints, Ints]:
@@ -634,11 +641,11 @@ def _segments(cells: Any) -> tuple[Ints, Ints]:
     numbers = vtk_to_numpy(cells.GetConnectivityArray()).astype(np.int64)
     if len(offsets) < 2 or not len(numbers):
         return np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
-    of = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    segment_cells = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     if len(numbers) == len(offsets) - 1:
-        return np.stack([numbers, numbers], axis=1), of
-    within = of[1:] == of[:-1]
-    return np.stack([numbers[:-1], numbers[1:]], axis=1)[within], of[1:][within]
+        return np.stack([numbers, numbers], axis=1), segment_cells
+    same_cell = segment_cells[1:] == segment_cells[:-1]
+    return np.stack([numbers[:-1], numbers[1:]], axis=1)[same_cell], segment_cells[1:][same_cell]
 
 
 def _texels(which: NDArray[Any], top: int, shape: _Shape, screen: Floats) -> Singles:
@@ -660,17 +667,17 @@ def _texels(which: NDArray[Any], top: int, shape: _Shape, screen: Floats) -> Sin
 
 def _sample_texture(picture: Bytes, s: Floats, t: Floats) -> Singles:
     """Sample a repeating texture at coordinates (s, t), bilinearly: RGB and coverage, (n, 4)."""
-    high, wide, depth = picture.shape
-    x, y = s * wide - 0.5, t * high - 0.5
+    height, width, depth = picture.shape
+    x, y = s * width - 0.5, t * height - 0.5
     left, low = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     across, up = (x - left)[:, None], (y - low)[:, None]
-    found = np.zeros((len(s), depth))
+    samples = np.zeros((len(s), depth))
     for column, row in ((0, 0), (1, 0), (0, 1), (1, 1)):
         share = (across if column else 1.0 - across) * (up if row else 1.0 - up)
-        found += share * picture[(low + row) % high, (left + column) % wide]
-    found /= 255.0
+        samples += share * picture[(low + row) % height, (left + column) % width]
+    samples /= 255.0
     if depth < 3:  # a grey image, with or without coverage
-        found = np.concatenate([found[:, :1]] * 3 + [found[:, 1:]], axis=1)
-    if found.shape[1] == 3:
-        found = np.concatenate([found, np.ones((len(found), 1))], axis=1)
-    return found.astype(np.float32)
+        samples = np.concatenate([samples[:, :1]] * 3 + [samples[:, 1:]], axis=1)
+    if samples.shape[1] == 3:
+        samples = np.concatenate([samples, np.ones((len(samples), 1))], axis=1)
+    return samples.astype(np.float32)
