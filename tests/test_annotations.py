@@ -13,7 +13,7 @@ from spacemap_vtk.scenes.scene import Scene
 INK = (28, 33, 41)
 
 
-def test_a_bar_is_as_long_as_it_says_and_axes_point_along_the_yarns(
+def test_scale_bar_and_axes_agree_with_the_picture(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     written: dict[int, str] = {}

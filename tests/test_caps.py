@@ -79,7 +79,7 @@ def lengths(cloth: Cloth) -> np.ndarray:
 
 @pytest.mark.parametrize("exact", [True, False])
 @pytest.mark.parametrize("kind", CLOTHS)
-def test_yarns_are_closed_and_hold_their_volume(kind: str, exact: bool) -> None:
+def test_yarn_surfaces_are_closed_and_have_the_exact_volume(kind: str, exact: bool) -> None:
     """By Pappus the volume of a tube is its section times its length."""
     cloth = changed(CLOTHS[kind], exact=exact)
     found = volumes(build_weave(cloth))
@@ -144,7 +144,7 @@ def test_shortest_ends_are_closed() -> None:
 
 
 @pytest.mark.parametrize("kind", CLOTHS)
-def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
+def test_rational_patches_lie_exactly_on_the_tube(kind: str) -> None:
     """Every point of the surface is at the radius from the axis, to rounding."""
     cloth = changed(CLOTHS[kind], exact=True)
     made = build_weave(cloth)
@@ -176,7 +176,7 @@ def test_exact_surfaces_lie_on_the_tube(kind: str) -> None:
         np.testing.assert_allclose(np.hypot(above, beside) / radius, 1, rtol=0, atol=5e-14)
 
 
-def test_exact_cloth_needs_fewer_patches() -> None:
+def test_a_rational_cloth_needs_fewer_patches() -> None:
     exact = build_weave(changed(STEEP, exact=True))
     assert exact.tube_patches < build_weave(STEEP).tube_patches
     assert exact.weights is not None
@@ -254,7 +254,7 @@ def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
         tessellation.evaluate(made.points, dtype, np.zeros(len(made.points)))
 
 
-def test_the_filter_takes_vtks_rational_weights() -> None:
+def test_the_filter_accepts_rational_weights_of_vtk() -> None:
     made = build_weave(changed(ROUND, exact=True, drawdown=[[1]]))
     grid = grid_of(made)
     weights = numpy_to_vtk(made.weights)

@@ -31,7 +31,7 @@ WEAVES = {
 MOVING: dict[str, Any] = {"cage": {"divisions": [8, 8, 1]}, "response": {"gravity": [2.0, -9.8, 4]}}
 
 
-def drawn(
+def draw(
     weave: dict[str, Any], side: int, time: float = 0.0, **sections: Any
 ) -> tuple[NDArray[np.uint8], Picture]:
     sizes = {"ends": YARNS, "picks": YARNS, "warp_diameter": 2.8e-4, "weft_diameter": 2.8e-4}
@@ -65,11 +65,11 @@ def test_a_sheet_has_the_mean_colours_of_its_yarns(
 ) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     view = {"camera": camera}
-    afar, picture = drawn(WEAVES[weave], 96, view=view)
+    afar, picture = draw(WEAVES[weave], 96, view=view)
     assert picture.sheet is not None
     assert [stage.executions for stage in picture.scene.stages] == [1, 0]
     # Ten times as large, yarn by yarn: 13 pixels each.
-    fine, picture = drawn(WEAVES[weave], 960, view=view, surface={"subdivisions": 2})
+    fine, picture = draw(WEAVES[weave], 960, view=view, surface={"subdivisions": 2})
     assert picture.sheet is None
     seen, wanted = (reduced(image, 12)[3:9, 4:8] for image in (afar, fine))
     # Of 255, in each of 24 regions, and over all of them.
@@ -78,10 +78,10 @@ def test_a_sheet_has_the_mean_colours_of_its_yarns(
 
 
 def test_a_sheet_moves_with_its_cage(monkeypatch: pytest.MonkeyPatch) -> None:
-    fine, picture = drawn(WEAVES["twill"], 480, 0.05, **MOVING, surface={"subdivisions": 1})
+    fine, picture = draw(WEAVES["twill"], 480, 0.05, **MOVING, surface={"subdivisions": 1})
     points = picture.scene.polygons.GetBounds()
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
-    afar, picture = drawn(WEAVES["twill"], 96, 0.05, **MOVING)
+    afar, picture = draw(WEAVES["twill"], 96, 0.05, **MOVING)
     sheet = picture.sheet
     assert sheet is not None
     thickness = 2.8e-4 * 2
@@ -94,11 +94,11 @@ def test_a_sheet_moves_with_its_cage(monkeypatch: pytest.MonkeyPatch) -> None:
     assert picture.scene.polygons.GetNumberOfCells() > 60_000
 
 
-def test_a_sheet_shows_what_rides_along(
+def test_a_sheet_shows_interpolated_arrays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
-    _, picture = drawn({}, 90, 0.02, **MOVING, view={"color": "displacement"})
+    _, picture = draw({}, 90, 0.02, **MOVING, view={"color": "displacement"})
     assert picture._span is not None
     assert picture._span[1] > 0.0
     assert picture.sheet is not None
@@ -141,7 +141,7 @@ def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
     assert abs(float((top - there).mean())) < 0.005 * np.ptp(numbers)
 
 
-def test_a_sheet_shows_what_each_crossing_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sheet_shows_the_values_of_each_crossing(monkeypatch: pytest.MonkeyPatch) -> None:
     # A satin of ends that hardly bend: they lie on top, of picks with all the crimp.
     sizes = {"ends": 16, "picks": 16, "warp_diameter": 2.2e-4, "weft_diameter": 2.4e-4}
     values: dict[str, Any] = {
@@ -175,7 +175,7 @@ def test_a_sheet_shows_what_each_crossing_does(monkeypatch: pytest.MonkeyPatch) 
     assert np.abs(fine[0][0] - fine[1][0]).max() > 12  # the faces are told apart
 
 
-def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sheet_moves_with_a_carved_cage(monkeypatch: pytest.MonkeyPatch) -> None:
     # Such an open net that none of the sheet's corners is in a hexahedron with a yarn in it.
     apart = {"warp_spacing": 3e-3, "weft_spacing": 3e-3, "warp_diameter": 3e-4}
     values: dict[str, Any] = {
@@ -199,33 +199,33 @@ def test_a_sheet_follows_a_cage_that_follows_yarns(monkeypatch: pytest.MonkeyPat
     )
 
 
-def test_yarns_that_are_seen_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_visible_yarns_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
-    _, near = drawn({}, 200)
+    _, near = draw({}, 200)
     assert near.pieces is not None
-    _, told = drawn({}, 90, surface={"subdivisions": 1})
+    _, told = draw({}, 90, surface={"subdivisions": 1})
     assert told.sheet is None  # who says how many facets gets them
 
 
 def test_clearances_on_few_facets_cause_a_warning() -> None:
     view = {"color": "clearance"}
-    _, few = drawn({"ends": 9, "picks": 9}, 90, view=view)
+    _, few = draw({"ends": 9, "picks": 9}, 90, view=view)
     assert "yarns have only 8 facets around" in "".join(few.scene.warnings)
-    _, many = drawn({"ends": 9, "picks": 9}, 90, view=view, surface={"subdivisions": 4})
+    _, many = draw({"ends": 9, "picks": 9}, 90, view=view, surface={"subdivisions": 4})
     assert "approximate" not in "".join(many.scene.warnings)
 
 
-def test_a_cloth_that_memory_does_not_hold_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cloth_larger_than_the_memory_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     weave = {"ends": 300, "picks": 300}
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 300_000_000)
-    image, picture = drawn(weave, 120, 0.02, **MOVING)
+    image, picture = draw(weave, 120, 0.02, **MOVING)
     assert picture.sheet is not None
     assert np.ptp(image[60]) > 100
     with pytest.raises(SizeError):
         picture.scene.update(0.02)
 
 
-def test_facets_are_as_many_as_can_be_seen() -> None:
+def test_the_number_of_facets_follows_the_picture() -> None:
     for pixels in (0.1, 1.0, 8.0, 30.0, 64.0):
         sides = sides_for_pixels(pixels)
         for count, fits in ((sides, True), (sides - 1, False)):
@@ -236,8 +236,8 @@ def test_facets_are_as_many_as_can_be_seen() -> None:
 
 
 def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:
-    _, small = drawn({"ends": 8, "picks": 8}, 40)
-    _, large = drawn({"ends": 8, "picks": 8}, 600)
+    _, small = draw({"ends": 8, "picks": 8}, 40)
+    _, large = draw({"ends": 8, "picks": 8}, 600)
     assert small.scene.surface.sides < large.scene.surface.sides
     scene = Scene({"weave": {"ends": 2, "picks": 2}})
     scene.update()
@@ -245,7 +245,7 @@ def test_automatic_subdivisions_are_chosen_by_the_picture() -> None:
     assert scene.polygons.GetNumberOfCells() == AUTOMATIC_SIDES**2 * patches
 
 
-def test_a_sheet_lies_flat_once_its_scene_is_still() -> None:
+def test_a_sheet_is_flat_after_its_scene_stops_moving() -> None:
     values = {"weave": {"ends": 6, "picks": 6}, "response": {"gravity": [0, 0, -9.8]}}
     scene = Scene(values)
     sheet = ClothSheet(scene)

@@ -58,14 +58,14 @@ def test_a_hollow_ball_shows_a_ring() -> None:
     assert area(face) == pytest.approx(np.pi * (1 - 0.36), rel=3e-3)
 
 
-def test_what_is_not_cut_or_empty_has_no_face() -> None:
+def test_uncut_and_empty_surfaces_have_no_face() -> None:
     assert compute_cut_face(ball(1.0), ((0, 0, 1), (0, 0, 2))).GetNumberOfCells() == 0
     assert compute_cut_face(vtkPolyData(), ((0, 0, 1), (0, 0, 0))).GetNumberOfCells() == 0
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("pattern", ["plain", "twill 2/2"])
-def test_the_faces_through_a_weave_add_up_to_its_volume(axis: int, pattern: str) -> None:
+def test_cut_faces_through_a_weave_add_up_to_its_volume(axis: int, pattern: str) -> None:
     scene = Scene({"weave": {"pattern": pattern, "ends": 4, "picks": 4}})
     scene.update(0.0)
     surface = scene.polygons
@@ -87,7 +87,7 @@ def test_the_faces_through_a_weave_add_up_to_its_volume(axis: int, pattern: str)
     assert total * (high - low) / count == pytest.approx(volume.GetVolume(), rel=0.02)
 
 
-def test_a_face_has_the_yarns_numbers_and_what_lies_on_its_outline() -> None:
+def test_a_cut_face_has_yarn_numbers_and_interpolated_arrays() -> None:
     scene = Scene({"weave": {"ends": 3, "picks": 3}})
     scene.update(0.0)
     surface = vtkPolyData()
@@ -103,7 +103,7 @@ def test_a_face_has_the_yarns_numbers_and_what_lies_on_its_outline() -> None:
     )
 
 
-def drawn(**view: Any) -> np.ndarray:
+def draw(**view: Any) -> np.ndarray:
     scene = Scene({"weave": {"ends": 4, "picks": 4}, "surface": {"subdivisions": 3}, "view": view})
     picture = Picture(scene, [0.0], (240, 180))
     image = picture.draw(0.0).astype(int)
@@ -111,11 +111,11 @@ def drawn(**view: Any) -> np.ndarray:
     return image
 
 
-def test_in_pictures_a_face_is_flat() -> None:
+def test_a_cut_face_has_a_uniform_colour() -> None:
     view = {"camera": "side", "clip_normal": [-1, 0, 0], "color": "family", "shadows": False}
-    image = drawn(**view)
+    image = draw(**view)
     flat = np.array(list(bytes.fromhex(FAMILIES[1][1:]))) * BRIGHTNESS
     # Four sections of weft, each a disc of one colour; light makes no two pixels of a yarn equal.
     assert (np.abs(image - flat).max(axis=2) <= 1).sum() > 400
-    whole = drawn(**{**view, "clip_normal": "auto"})
+    whole = draw(**{**view, "clip_normal": "auto"})
     assert (np.abs(whole - flat).max(axis=2) <= 1).sum() < 40

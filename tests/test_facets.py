@@ -52,7 +52,7 @@ def close_up(scene: Scene, near: float, flat: bool = False, size: Any = SIZE_4K)
     )
 
 
-def chosen_for(scene: Scene, seen: CameraView) -> PatchTessellator:
+def choose_facets_for(scene: Scene, seen: CameraView) -> PatchTessellator:
     """Return what makes the facets that are seen."""
     stage, grid = PatchTessellator(), scene.source.output
     stage.SetInputDataObject(grid)
@@ -64,7 +64,7 @@ def chosen_for(scene: Scene, seen: CameraView) -> PatchTessellator:
 
 
 def surface_of(scene: Scene, seen: CameraView) -> PatchTessellator:
-    stage = chosen_for(scene, seen)
+    stage = choose_facets_for(scene, seen)
     stage.update()
     return stage
 
@@ -133,7 +133,9 @@ def outline_error(scene: Scene, stage: PatchTessellator, seen: CameraView) -> fl
         (0.2, False, {"weft_section": "elliptic", "weft_aspect": 2.0}),
     ],
 )
-def test_no_outline_is_half_a_pixel_off(near: float, flat: bool, weave: dict[str, Any]) -> None:
+def test_outlines_deviate_by_less_than_half_a_pixel(
+    near: float, flat: bool, weave: dict[str, Any]
+) -> None:
     scene = cloth(**weave)
     seen = close_up(scene, near, flat)
     stage = surface_of(scene, seen)
@@ -144,7 +146,7 @@ def test_no_outline_is_half_a_pixel_off(near: float, flat: bool, weave: dict[str
         assert outline_error(scene, stage, seen) > 0.5
 
 
-def test_only_what_is_in_sight_has_more_facets() -> None:
+def test_only_visible_patches_get_more_facets() -> None:
     scene = cloth(ends=30, picks=30)
     seen = close_up(scene, 0.05)
     stage = surface_of(scene, seen)
@@ -160,16 +162,16 @@ def test_only_what_is_in_sight_has_more_facets() -> None:
     assert quads < quads_in_view(SIZE_4K) + LEAST_SIDES**2 * len(patches)
 
 
-def test_a_crowd_near_the_camera_shares_what_facets_there_are() -> None:
+def test_many_near_yarns_share_the_largest_number_of_facets() -> None:
     scene = cloth(ends=60, picks=60, weft_plies=3, warp_plies=3)
     seen = close_up(scene, 0.2, size=(1280, 720))
     points, patches = patches_of(scene)
-    sides = sides_of(chosen_for(scene, seen), patches, points)
+    sides = sides_of(choose_facets_for(scene, seen), patches, points)
     assert sides.max() > MOST_SIDES
     assert (sides[sides > sides.min()] ** 2).sum() <= quads_in_view(seen.size)
 
 
-def test_facets_of_many_and_of_few_meet_without_a_gap() -> None:
+def test_patches_with_different_subdivisions_meet_without_gaps() -> None:
     scene = cloth(weft_plies=2)
     stage = surface_of(scene, close_up(scene, 0.6))
     points, patches = patches_of(scene)
@@ -219,7 +221,7 @@ def neighbours(nets: np.ndarray, sides: np.ndarray) -> list[tuple[int, int]]:
     return found
 
 
-def test_plies_near_the_camera_are_as_smooth() -> None:
+def test_plied_yarns_are_as_smooth_as_others() -> None:
     scene = cloth(weft_plies=3, warp_plies=2)
     seen = close_up(scene, 1.0, size=(1280, 720))
     stage = surface_of(scene, seen)

@@ -30,7 +30,7 @@ def texts(file: Path) -> list[str]:
     ]
 
 
-def test_dimensions_of_a_drawing_are_peirces(tmp_path: Path) -> None:
+def test_a_section_has_peirces_dimensions(tmp_path: Path) -> None:
     values = "warp_diameter=0.25mm weft_diameter=0.3mm warp_spacing=0.55mm weft_spacing=0.6mm"
     settings = [f"--set=weave.{each}" for each in (*values.split(), "warp_crimp_height=0.2mm")]
     file = tmp_path / "section.svg"
@@ -46,7 +46,7 @@ def test_dimensions_of_a_drawing_are_peirces(tmp_path: Path) -> None:
     assert any("crimp c₂ = 23.69 %" in each for each in told)
 
 
-def test_squares_of_a_draft_are_its_matrix(
+def test_the_squares_of_a_draft_follow_its_matrix(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     size = ("--set=weave.ends=11", "--set=weave.picks=9")
@@ -72,7 +72,7 @@ def test_squares_of_a_draft_are_its_matrix(
     assert ["".join(str(int(mark)) for mark in each) for each in found] == rows
 
 
-def test_pictures_share_camera_and_scale_and_have_no_paper(tmp_path: Path) -> None:
+def test_pictures_share_camera_and_scale_and_are_transparent(tmp_path: Path) -> None:
     file = tmp_path / "swing.png"
     more = ("--times=0,20ms", "--dpi=75", "--transparent", "--set=view.show=fabric")
     assert run("figure", "plain_weave", "-o", file, *more, "-q") == 0
@@ -91,7 +91,7 @@ def test_pictures_share_camera_and_scale_and_have_no_paper(tmp_path: Path) -> No
     assert (panels[0][lower] != panels[1][lower]).mean() > 0.2
 
 
-def test_pictures_of_a_row_that_is_not_full_are_as_large(tmp_path: Path) -> None:
+def test_pictures_of_an_incomplete_row_have_the_same_size(tmp_path: Path) -> None:
     file = tmp_path / "swing.svg"
     more = ("--times=0,10ms,20ms", "--columns=2", "--dpi=30", "--set=view.show=fabric")
     assert run("figure", "plain_weave", "-o", file, *more, "-q") == 0

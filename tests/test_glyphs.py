@@ -26,7 +26,7 @@ VALUES: dict[str, Any] = {
 }
 
 
-def drawn(time: float = 0.02, **view: Any) -> np.ndarray:
+def draw(time: float = 0.02, **view: Any) -> np.ndarray:
     picture = Picture(Scene({**VALUES, "view": {**VALUES["view"], **view}}), [time], (240, 180))
     image = picture.draw(time).astype(int)
     picture.close()
@@ -39,12 +39,12 @@ def near(image: np.ndarray, color: str, most: int = 60) -> np.ndarray:
 
 
 def test_supports_can_be_left_out() -> None:
-    orange = [near(drawn(supports=on, show="cage"), "#d9642c").sum() for on in (True, False)]
+    orange = [near(draw(supports=on, show="cage"), "#d9642c").sum() for on in (True, False)]
     assert orange[0] > 30
     assert orange[1] == 0
 
 
-def test_loads_are_drawn_whole_and_as_strong_as_they_are() -> None:
+def test_arrows_are_not_clipped_and_have_the_length_of_their_load() -> None:
     load = {"force": [0.0, 0.0, 1e-10], "at": [0.0, -1.0, 0.0], "time": "pulse"}
     response = {"gravity": [0.0, 0.0, 0.0], "loads": [{**load, "length": "10 ms"}]}
     pink = []
@@ -61,7 +61,7 @@ def test_loads_are_drawn_whole_and_as_strong_as_they_are() -> None:
         assert not edge.any()
 
 
-def test_the_ghost_is_where_the_fabric_was() -> None:
+def test_the_ghost_shows_the_rest_shape() -> None:
     scene = Scene(VALUES)
     scene.update(0.0)
     rest = points_of(scene.polygons).copy()
@@ -69,14 +69,14 @@ def test_the_ghost_is_where_the_fabric_was() -> None:
     assert np.abs(points_of(scene.polygons) - rest).max() > 1e-4
     np.testing.assert_allclose(rest_points(scene.polygons), rest, atol=1e-9)
     # Pale: what the moved fabric leaves free is a little darker than the background.
-    plain, pale = drawn(show="fabric", ghost=False), drawn(show="fabric", ghost=True)
+    plain, pale = draw(show="fabric", ghost=False), draw(show="fabric", ghost=True)
     assert plain.shape == pale.shape
     assert np.mean(np.abs(pale - plain).max(axis=2) > 8) > 0.01
-    still = [drawn(0.0, show="fabric", ghost=on) for on in (False, True)]
+    still = [draw(0.0, show="fabric", ghost=on) for on in (False, True)]
     assert np.mean(np.abs(still[1] - still[0]).max(axis=2) > 40) < 0.01
 
 
-def test_the_ghost_of_what_hangs_shows_no_fold_of_it() -> None:
+def test_the_ghost_of_a_hanging_cloth_is_flat() -> None:
     """Flat, and nearly without light and shade, however steep the cloth beside it hangs."""
     modal = {"elements": "sheet", "fixed": "-x", "gravity": [0, 0, -9.8], "areal_mass": 0.3}
     modal |= {"bending_rigidity": "1e-3 uN.m", "modes": 2}
@@ -98,17 +98,17 @@ def test_the_ghost_of_what_hangs_shows_no_fold_of_it() -> None:
 @pytest.mark.parametrize(
     ("normal", "gone"), [([-1, 0, 0], np.s_[:, 130:]), ([0, 2, 0], np.s_[110:, :])]
 )
-def test_a_plane_cuts_what_lies_behind_it(normal: list[float], gone: Any) -> None:
+def test_a_clipping_plane_hides_one_side(normal: list[float], gone: Any) -> None:
     """Yarns are blue or sand, the background is neither."""
     whole, cut = (
-        (np.ptp(drawn(0.0, show="fabric", clip_normal=n), axis=2) > 60) for n in ("auto", normal)
+        (np.ptp(draw(0.0, show="fabric", clip_normal=n), axis=2) > 60) for n in ("auto", normal)
     )
     assert whole[gone].sum() > 1000
     assert cut[gone].sum() == 0
     assert cut.sum() > 0.4 * whole.sum()
 
 
-def test_the_plane_goes_through_the_middle_at_rest_or_a_point() -> None:
+def test_the_plane_passes_through_the_centre_or_a_given_point() -> None:
     scene = Scene(VALUES)
     scene.update(0.02)
     assert cut_of(scene.view, scene.polygons) is None
@@ -122,19 +122,19 @@ def test_the_plane_goes_through_the_middle_at_rest_or_a_point() -> None:
 
 
 @pytest.mark.parametrize(("tiny", "why"), [(0, "the zero vector"), (1e-300, "must be 0, or")])
-def test_a_direction_of_no_length_is_refused(tiny: float, why: str) -> None:
+def test_a_zero_normal_is_refused(tiny: float, why: str) -> None:
     with pytest.raises(InputError, match=rf"view\.clip_normal.*{why}"):
         Scene({"view": {"clip_normal": [0, tiny, 0]}})
 
 
-def test_a_still_scene_has_none_of_it_and_is_drawn() -> None:
+def test_a_still_scene_is_drawn_without_cage_and_loads() -> None:
     view = {"ghost": True, "loads": True, "supports": True}
     picture = Picture(Scene({"weave": {"ends": 3, "picks": 3}, "view": view}), [0.0], (120, 90))
     assert picture.draw(0.0).std() > 20
     picture.close()
 
 
-def test_an_arrow_is_in_sight_at_its_strongest_whenever_the_picture_is_of() -> None:
+def test_the_camera_has_room_for_the_longest_arrow() -> None:
     load = {"force": [0.0, 0.0, 1e-10], "at": [0.0, -1.0, 0.0], "time": "pulse"}
     response = {"gravity": [0.0, 0.0, 0.0], "loads": [{**load, "length": "10 ms"}]}
     scene = Scene({**VALUES, "response": response, "view": {"loads": True, "camera": "side"}})
@@ -147,7 +147,7 @@ def test_an_arrow_is_in_sight_at_its_strongest_whenever_the_picture_is_of() -> N
         assert not edge.any()
 
 
-def test_the_weight_begins_where_its_line_leaves_the_cage() -> None:
+def test_the_gravity_arrow_begins_at_the_surface_of_the_cage() -> None:
     """The faces of a box, and of one that hangs askew: never beside the cage."""
     scene = Scene({**VALUES, "response": {"gravity": [0.0, -9.81, 0.0]}})
     scene.update(0.0)
@@ -168,9 +168,9 @@ def test_the_weight_begins_where_its_line_leaves_the_cage() -> None:
     np.testing.assert_allclose(arrows.starts, [middle - [0.0, below, 0.0]], atol=1e-6)
 
 
-def test_signs_cast_no_shadow_and_stand_in_none() -> None:
+def test_markers_neither_cast_nor_receive_shadows() -> None:
     view = {"supports": False, "cage_color": "#ff00ff", "clip_normal": "auto"}
-    fabric, both = drawn(show="fabric", **view), drawn(show="both", **view)
+    fabric, both = draw(show="fabric", **view), draw(show="both", **view)
     # Round each line, a pixel that is partly its own.
     line = binary_dilation(np.abs(both - fabric).max(axis=2) > 24, iterations=2)
     assert 0.02 < line.mean() < 0.9
@@ -220,7 +220,7 @@ def test_an_arrow_behind_the_cloth_shines_through() -> None:
     assert (after < before).mean() > 0.9
 
 
-def test_dots_grow_with_the_picture() -> None:
+def test_dots_scale_with_the_picture() -> None:
     orange = []
     for height in (600, 1200):
         scene = Scene({**VALUES, "view": {"show": "cage", "camera": "front"}})
@@ -232,13 +232,13 @@ def test_dots_grow_with_the_picture() -> None:
 
 
 @pytest.mark.parametrize(("back", "lines"), [("#ffffff", "#39424e"), ("#10151b", "#96a4b4")])
-def test_the_cage_can_be_seen_on_any_background(back: str, lines: str) -> None:
+def test_the_cage_is_visible_on_every_background(back: str, lines: str) -> None:
     view = {"show": "cage", "supports": False, "background": back, "background_top": back}
-    assert near(drawn(**view), lines, 30).sum() > 200
-    assert near(drawn(**view, cage_color="#ff0000"), "#ff0000", 60).sum() > 200
+    assert near(draw(**view), lines, 30).sum() > 200
+    assert near(draw(**view, cage_color="#ff0000"), "#ff0000", 60).sum() > 200
 
 
-def test_nothing_acts_on_what_is_cut_away() -> None:
+def test_arrows_on_the_hidden_side_are_hidden() -> None:
     loads = [{"pressure": 1e-6, "on": "-z"}]
     scene = Scene({**VALUES, "response": {"gravity": [0.0, -9.81, 0.0], "loads": loads}})
     scene.update(0.0)
@@ -257,7 +257,7 @@ def test_nothing_acts_on_what_is_cut_away() -> None:
     np.testing.assert_allclose(shown["left"], arrows.starts[left | ~pushing])
 
 
-def test_lines_and_dots_are_as_thick_as_the_scene_says() -> None:
+def test_line_scale_sets_the_width_of_lines_and_dots() -> None:
     shares = []
     for scale in (1.0, 3.0):
         scene = Scene.read("plain_weave")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from browser import Page, browser
 from PIL import Image
-from test_moving import SMALL, changed, farthest
+from test_morph_surface import SMALL, change_scene, largest_distance
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -29,7 +29,7 @@ TIME = "spacemap.time"
 
 
 def write_page(file: Path, *more: str, times: list[float] = TIMES) -> tuple[Any, Any]:
-    scene = changed("plain_weave", *SMALL, *more)
+    scene = change_scene("plain_weave", *SMALL, *more)
     scene.title = TITLE
     made = make_moving_surface(scene, times, TOLERANCE, lambda done, of: None, numbers=True)
     writer(file).write(file, made)
@@ -54,7 +54,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
     dark = ("view.background=#101418", "view.background_top=#202428")
     write_page(colored, "view.color=stress", *dark, times=TIMES[:3])
     shapes = make_mode_surface(
-        changed("plain_weave", *SMALL, "modal.modes=2"), lambda done, of: None
+        change_scene("plain_weave", *SMALL, "modal.modes=2"), lambda done, of: None
     )
     writer(modes).write(modes, shapes)
     text = file.read_text("utf-8")
@@ -69,7 +69,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         assert page.evaluate("document.querySelector('#figures').textContent").startswith("7 yarns")
         for time in (TIMES[0], TIMES[5], TIMES[12]):
             scene.update(time)
-            assert farthest(page_points(page, time), scene.polygons) <= TOLERANCE
+            assert largest_distance(page_points(page, time), scene.polygons) <= TOLERANCE
         assert np.ptp([page_points(page, time) for time in TIMES], axis=0).max() > 100 * TOLERANCE
         # warp in blue, weft in sand, nothing else in the middle of a light page
         first = read_canvas(page)
@@ -165,7 +165,7 @@ def nearest_points(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
 
 
 def test_a_page_too_large_for_browsers_is_refused(tmp_path: Path) -> None:
-    scene = changed("plain_weave", *SMALL)
+    scene = change_scene("plain_weave", *SMALL)
     for most, what in ((50_000, r"\d+ points"), (100_000, r"\d+ targets of \d+ points")):
         with pytest.raises(SizeError, match=rf"^{what} do not fit .*subdivisions"):
             make_moving_surface(scene, TIMES, TOLERANCE, lambda done, of: None, max_bytes=most)

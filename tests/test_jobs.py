@@ -65,7 +65,7 @@ VALUES: dict[str, Any] = {
         ("a meal", "a.vtu", "allowed: .*picture"),
     ],
 )
-def test_a_job_that_cannot_run_is_refused_when_it_is_made(
+def test_a_job_with_an_impossible_output_is_refused_at_once(
     tmp_path: Path, kind: str, name: str, message: str
 ) -> None:
     file = tmp_path / name
@@ -73,7 +73,7 @@ def test_a_job_that_cannot_run_is_refused_when_it_is_made(
         make_job(kind, file) if kind else make_data_job(file)
 
 
-def test_values_that_a_kind_does_not_allow_are_refused(tmp_path: Path) -> None:
+def test_invalid_values_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="samples"):
         PictureJob(tmp_path / "a.png", samples=65_537)
     with pytest.raises(InputError, match="workers"):
@@ -92,7 +92,7 @@ def test_every_kind_of_data_has_a_class() -> None:
     assert JOBS.keys() >= DATA.keys()
 
 
-def test_an_ending_says_what_data_it_stands_for(tmp_path: Path) -> None:
+def test_the_default_kind_of_data_follows_from_the_ending(tmp_path: Path) -> None:
     assert make_data_job(tmp_path / "a.vtu").kind == "patches"
     assert make_data_job(tmp_path / "a.WIF").kind == "draft"
     assert make_data_job(tmp_path / "a.vtu", "cage").kind == "cage"
@@ -107,7 +107,7 @@ def test_an_ending_says_what_data_it_stands_for(tmp_path: Path) -> None:
         ("surface", "a.stl", 2),
     ],
 )
-def test_a_job_reports_progress_to_its_end_and_can_be_ended(
+def test_a_job_reports_progress_and_can_be_cancelled(
     tmp_path: Path, kind: str, name: str, steps: int
 ) -> None:
     job = make_job(kind, tmp_path / name)
@@ -125,7 +125,7 @@ def test_a_job_reports_progress_to_its_end_and_can_be_ended(
     assert len(list(tmp_path.iterdir())) == (steps if job.is_numbered else 1)
 
 
-def test_a_gif_is_half_as_large_unless_a_size_is_asked_for(tmp_path: Path) -> None:
+def test_a_gif_has_half_the_size_by_default(tmp_path: Path) -> None:
     for size, drawn in ((None, (32, 24)), ((40, 30), (40, 30))):
         job = FilmJob(tmp_path / "a.gif", size=size)
         job.run(Scene(VALUES))
@@ -133,7 +133,7 @@ def test_a_gif_is_half_as_large_unless_a_size_is_asked_for(tmp_path: Path) -> No
             assert film.size == drawn
 
 
-def test_times_are_decided_once_for_work_and_record(tmp_path: Path) -> None:
+def test_the_record_states_the_times_of_the_output(tmp_path: Path) -> None:
     scene = Scene(VALUES)
     frames = pytest.approx([0.0, 0.04, 0.08, 0.12, 0.16])
     for job in (FilmJob(tmp_path / "a.gif"), MovingJob(tmp_path / "a.glb")):
@@ -167,7 +167,9 @@ def test_times_are_decided_once_for_work_and_record(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_job_travels_as_json(tmp_path: Path, name: str, asked: dict[str, Any]) -> None:
+def test_a_job_survives_conversion_to_json_and_back(
+    tmp_path: Path, name: str, asked: dict[str, Any]
+) -> None:
     if name == "a.usdc":
         pytest.importorskip("pxr")
     job = job_from_json(asked, tmp_path / name)
@@ -194,7 +196,7 @@ def test_records_of_earlier_versions_are_read(tmp_path: Path) -> None:
     assert isinstance(job_from_json({"what": "figure"}, tmp_path / "a.pdf"), FigureJob)
 
 
-def test_a_process_of_its_own_runs_a_job_and_says_why_not(
+def test_a_worker_process_runs_a_job_and_returns_its_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     job = PictureJob(tmp_path / "a.png", 0.0, (32, 24))
@@ -242,7 +244,7 @@ def poem() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("poem")
-def test_another_kind_of_job_is_one_class(
+def test_a_new_kind_of_job_needs_one_class(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It runs, is recorded, made again by the command line, and run in another process."""

@@ -42,7 +42,7 @@ def gradient(path: Path, swapped: bool = False) -> None:
     Image.fromarray(np.stack((u, v, blue), axis=2).astype(np.uint8)).save(path)
 
 
-def shown(source: ObjectSource) -> np.ndarray:
+def draw(source: ObjectSource) -> np.ndarray:
     """The colour at each point, by the nearest pixel."""
     pixels = pixels_of(source.picture).astype(float)
     at = vtk_to_numpy(source.GetOutputDataObject(0).GetPointData().GetTCoords())
@@ -64,7 +64,7 @@ def updated(**values: object) -> ObjectSource:
     return source
 
 
-def test_two_pictures_of_an_obj(tmp_path: Path) -> None:
+def test_two_textures_of_an_obj_are_drawn(tmp_path: Path) -> None:
     gradient(tmp_path / "a.png")
     gradient(tmp_path / "b c.png", swapped=True)
     library = "newmtl left\nKd 0 0 0\nmap_Kd a.png\n\nnewmtl right one\nmap_Kd b c.png\n"
@@ -75,17 +75,17 @@ def test_two_pictures_of_an_obj(tmp_path: Path) -> None:
     assert mesh.active_texture_coordinates.shape == (8, 2)
     second = np.arange(8) >= 4  # the points on the border are there twice
     expected = np.stack((x - second, y, second), axis=1)
-    np.testing.assert_allclose(shown(source), expected, atol=0.02)
+    np.testing.assert_allclose(draw(source), expected, atol=0.02)
 
 
-def test_a_material_of_plain_colour_beside_a_picture(tmp_path: Path) -> None:
+def test_a_plain_material_and_a_textured_one_are_drawn(tmp_path: Path) -> None:
     gradient(tmp_path / "a.png")
     library = "newmtl left\nmap_Kd a.png\nnewmtl right one\nKd 0.2 0.4 0.6\n"
     source = updated(file=two_squares(tmp_path, library))
-    np.testing.assert_allclose(shown(source)[4:], [[0.2, 0.4, 0.6]] * 4, atol=0.003)
+    np.testing.assert_allclose(draw(source)[4:], [[0.2, 0.4, 0.6]] * 4, atol=0.003)
 
 
-def test_colours_alone(tmp_path: Path) -> None:
+def test_vertex_colours_are_drawn(tmp_path: Path) -> None:
     library = "newmtl left\nKd 1 0 0\nnewmtl right one\nKd 0 0.5 1\n"
     source = updated(file=two_squares(tmp_path, library))
     assert source.picture is None
@@ -94,13 +94,13 @@ def test_colours_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("word", ["nan", "red", "1e999"])
-def test_what_is_no_colour_is_told(tmp_path: Path, word: str) -> None:
+def test_an_invalid_colour_causes_a_warning(tmp_path: Path, word: str) -> None:
     library = f"newmtl left\nKd {word} 0 0\nnewmtl right one\nKd 0 0.5 1\n"
     source = updated(file=two_squares(tmp_path, library))
     assert f'"Kd {word} 0 0" is not a colour' in source.warnings[0]
 
 
-def test_what_is_missing_is_told(tmp_path: Path) -> None:
+def test_a_missing_texture_causes_a_warning(tmp_path: Path) -> None:
     source = updated(file=two_squares(tmp_path, "newmtl left\nmap_Kd gone.png\n"))
     assert source.picture is None
     assert "gone.png: no such file" in source.warnings[0]
@@ -109,17 +109,17 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     assert "two.mtl does not exist: the object is drawn without materials" in source.warnings[0]
 
 
-def test_a_repeated_picture(tmp_path: Path) -> None:
+def test_a_repeated_texture_is_drawn(tmp_path: Path) -> None:
     gradient(tmp_path / "a.png")
     file = two_squares(tmp_path, "newmtl left\nmap_Kd a.png\nnewmtl right one\nmap_Kd a.png\n")
     file.write_text(SQUARES.replace("vt 1 1", "vt 2.5 1.25"))
     source = updated(file=file)
-    corner = shown(source)[2]
+    corner = draw(source)[2]
     np.testing.assert_allclose(corner, [0.5, 0.25, 0.0], atol=0.02)
 
 
 @pytest.mark.parametrize("ending", ["gltf", "vtp"])
-def test_gltf_and_a_picture_of_ones_own(tmp_path: Path, ending: str) -> None:
+def test_a_gltf_texture_can_be_replaced(tmp_path: Path, ending: str) -> None:
     gradient(tmp_path / "a.png")
     plane, file = pv.Plane(i_resolution=7, j_resolution=5), tmp_path / f"plane.{ending}"
     values = {}
@@ -137,12 +137,12 @@ def test_gltf_and_a_picture_of_ones_own(tmp_path: Path, ending: str) -> None:
     points = vtk_to_numpy(source.GetOutputDataObject(0).GetPoints().GetData())
     flat = np.abs(points[:, 2]) < 1e-6
     expected = np.column_stack((points[flat, :2] + 0.5, np.zeros(flat.sum())))
-    np.testing.assert_allclose(shown(source)[flat], expected, atol=0.02)
+    np.testing.assert_allclose(draw(source)[flat], expected, atol=0.02)
     if ending == "gltf":
-        np.testing.assert_allclose(shown(source)[~flat], [[0, 0, 1]] * (~flat).sum(), atol=0.01)
+        np.testing.assert_allclose(draw(source)[~flat], [[0, 0, 1]] * (~flat).sum(), atol=0.01)
 
 
-def test_a_picture_needs_coordinates(tmp_path: Path) -> None:
+def test_a_texture_needs_texture_coordinates(tmp_path: Path) -> None:
     gradient(tmp_path / "a.png")
     pv.Cube().save(tmp_path / "cube.stl")
     with pytest.raises(InputError, match="no texture coordinates"):
@@ -152,7 +152,7 @@ def test_a_picture_needs_coordinates(tmp_path: Path) -> None:
         updated(file=tmp_path / "cube.stl", texture=tmp_path / "a.png")
 
 
-def test_the_picture_is_drawn_and_moves_along(tmp_path: Path) -> None:
+def test_a_texture_moves_with_the_object(tmp_path: Path) -> None:
     red = np.zeros((8, 8, 3), dtype=np.uint8)
     red[..., 0] = 255
     Image.fromarray(red).save(tmp_path / "red.png")

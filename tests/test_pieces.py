@@ -36,7 +36,7 @@ MOVED = 0.05
 
 @settings(max_examples=30, deadline=None)
 @given(cloth=woven(), pieces=st.integers(1, 12))
-def test_pieces_of_any_cloth_are_its_yarns_in_their_places(cloth: Cloth, pieces: int) -> None:
+def test_pieces_contain_each_yarn_once_and_in_place(cloth: Cloth, pieces: int) -> None:
     whole = build_weave(cloth)
     expected = np.stack([whole.points.min(axis=0), whole.points.max(axis=0)], axis=1).ravel()
     np.testing.assert_array_equal(cloth_bounds(cloth), expected)
@@ -56,7 +56,7 @@ def test_pieces_of_any_cloth_are_its_yarns_in_their_places(cloth: Cloth, pieces:
 
 @pytest.mark.parametrize("pattern", ["plain", "satin 8/3"])
 @pytest.mark.parametrize("pieces", [2, 3, 7])
-def test_pieces_are_the_same_work(pattern: str, pieces: int) -> None:
+def test_pieces_have_equal_work(pattern: str, pieces: int) -> None:
     weave = WeaveSource(pattern=pattern, ends=60, picks=40)
     counts = []
     for number in range(pieces):
@@ -71,7 +71,7 @@ def test_pieces_are_the_same_work(pattern: str, pieces: int) -> None:
 
 @pytest.mark.parametrize("pieces", [2, 3, 11])
 @pytest.mark.parametrize("spline", [False, True])
-def test_one_process_can_go_through_the_pieces(pieces: int, spline: bool) -> None:
+def test_one_process_can_make_all_pieces_in_turn(pieces: int, spline: bool) -> None:
     case = {"source": {"ends": 4, "picks": 3, "axis": "spline" if spline else "arcs"}}
     serial, stages = connected(**case), connected(**case)
     serial[-1].update(MOVED)
@@ -99,7 +99,7 @@ def test_one_process_can_go_through_the_pieces(pieces: int, spline: bool) -> Non
         ({"axis": "spline", "warp_spacing": 2e-3}, {"divisions": (90, 60, 2)}),
     ],
 )
-def test_a_cage_is_carved_round_all_yarns_of_a_cloth_of_which_one_is_there(
+def test_a_carved_cage_encloses_yarns_of_other_pieces(
     weave: dict[str, Any], cage: dict[str, Any]
 ) -> None:
     grids = []
@@ -113,7 +113,7 @@ def test_a_cage_is_carved_round_all_yarns_of_a_cloth_of_which_one_is_there(
     assert len(points_of(whole)) < 0.99 * np.prod(np.array(cage["divisions"]) + 1)
 
 
-def test_one_piece_has_nothing_that_the_whole_has_not() -> None:
+def test_a_single_piece_equals_the_whole() -> None:
     stages = connected({"ends": 3, "picks": 3})
     stages[-1].update(MOVED)
     for stage in stages:
@@ -128,14 +128,14 @@ def test_one_piece_has_nothing_that_the_whole_has_not() -> None:
         np.testing.assert_array_equal(after[name], values)
 
 
-def test_stage_by_stage_nothing_runs_twice() -> None:
+def test_no_stage_runs_twice_for_a_piece() -> None:
     stages = connected({"ends": 4, "picks": 4})
     for stage in stages:
         stage.update(MOVED, Piece(1, 3))
     assert [stage.executions for stage in stages] == [1] * 6
 
 
-def test_ghost_levels_add_nothing_to_yarns() -> None:
+def test_ghost_levels_do_not_change_yarns() -> None:
     # yarns share no points, so that none is a neighbour
     weave = WeaveSource(ends=4, picks=4)
     weave.update(piece=Piece(1, 2))
@@ -145,7 +145,7 @@ def test_ghost_levels_add_nothing_to_yarns() -> None:
 
 
 @pytest.mark.parametrize("kind", ["ball.vtp", "block.vtu"])
-def test_pieces_of_an_object(kind: str, tmp_path: Path) -> None:
+def test_pieces_of_an_object_add_up_to_it(kind: str, tmp_path: Path) -> None:
     mesh = pv.Sphere() if kind == "ball.vtp" else pv.ImageData(dimensions=(5, 4, 6))
     if kind == "block.vtu":
         mesh = mesh.cast_to_unstructured_grid()
@@ -164,7 +164,7 @@ def test_pieces_of_an_object(kind: str, tmp_path: Path) -> None:
     assert sorted(parts) == sorted(with_ghosts) == list(range(mesh.n_cells))
 
 
-def test_a_piece_that_was_moved_is_not_taken_for_the_whole() -> None:
+def test_a_warped_piece_is_not_reused_for_the_whole() -> None:
     weave, cage = WeaveSource(ends=4, picks=4), TetraCage()
     shift = vtkTransform()
     shift.Translate(1.0, 0.0, 0.0)
@@ -177,7 +177,7 @@ def test_a_piece_that_was_moved_is_not_taken_for_the_whole() -> None:
         cage.update(piece=Piece(1, 3))
 
 
-def test_a_cage_that_follows_the_shape_needs_all_of_it() -> None:
+def test_a_carved_cage_requests_the_whole_object() -> None:
     weave, cage = WeaveSource(ends=4, picks=4), TetraCage(method="carved")
     shape = vtkPassArrays()  # that it is a cloth is not told
     shape.UseFieldTypesOn()
@@ -188,7 +188,7 @@ def test_a_cage_that_follows_the_shape_needs_all_of_it() -> None:
         cage.update(piece=Piece(0, 2))
 
 
-def test_a_cage_out_of_another_reader_is_asked_for_whole(tmp_path: Path) -> None:
+def test_the_whole_cage_is_requested_from_a_reader(tmp_path: Path) -> None:
     scene = Scene({"weave": {"ends": 3, "picks": 3}, "response": {}})
     scene.update(MOVED)
     grid = pv.wrap(scene.deformed_cage).copy()
@@ -207,7 +207,7 @@ def test_a_cage_out_of_another_reader_is_asked_for_whole(tmp_path: Path) -> None
     np.testing.assert_allclose(found[order[0]], expected[order[1]], atol=1e-9)
 
 
-def test_a_cloth_too_large_for_one_may_be_made_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_cloth_can_be_made_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("spacemap_vtk.memory.NEVER_REFUSED", 0)
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 10_000_000)
     weave = WeaveSource(ends=50, picks=50)
@@ -220,7 +220,7 @@ def test_a_cloth_too_large_for_one_may_be_made_in_pieces(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("pieces", [3, 50])
-def test_a_file_of_pieces_is_the_whole(pieces: int, tmp_path: Path) -> None:
+def test_files_of_pieces_contain_the_whole_cloth(pieces: int, tmp_path: Path) -> None:
     values = {"weave": {"ends": 4, "picks": 3}, "surface": {"subdivisions": 2}, "response": {}}
     scene, file = Scene(values), tmp_path / "a.pvtp"
     scene.update(MOVED)

@@ -63,7 +63,7 @@ def test_damping_of_each_mode_follows_the_scene(
     assert "mine.toml: response.damping_ratio = 0.1" in capsys.readouterr().err
 
 
-def test_a_sheet_of_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sheet_shows_each_mode_shape(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "sheet.png"
     assert run("modes", "plain_weave", "-q", *FEW, "--plot", str(file)) == 0
     with Image.open(file) as image:
@@ -76,7 +76,7 @@ def test_a_sheet_of_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert '".txt" is not known' in capsys.readouterr().err
 
 
-def test_a_sheet_shows_the_object(tmp_path: Path) -> None:
+def test_a_sheet_of_modes_shows_the_object(tmp_path: Path) -> None:
     file = tmp_path / "sheet.png"
     few = ("--set", "modal.modes=1")
     assert run("modes", "animal_in_carved_cage", "-q", *few, "--plot", str(file)) == 0
@@ -87,7 +87,7 @@ def test_a_sheet_shows_the_object(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
-def test_a_plot_of_a_point(tmp_path: Path, quantity: str) -> None:
+def test_a_plot_is_written_for_a_point(tmp_path: Path, quantity: str) -> None:
     file = tmp_path / "swing.png"
     chosen = ("-o", str(file), "--quantity", quantity, "-q", *FEW)
     assert run("plot", "plain_weave", *chosen, "--point", "0,-1mm,0") == 0
@@ -95,9 +95,7 @@ def test_a_plot_of_a_point(tmp_path: Path, quantity: str) -> None:
         assert (np.ptp(np.asarray(image.convert("RGB")).astype(int), axis=2) > 60).mean() > 1e-3
 
 
-def test_a_point_that_is_none_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_invalid_point_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     chosen = ("-o", str(tmp_path / "swing.png"), "-q", *FEW)
     assert run("plot", "plain_weave", *chosen, "--point", "0,-1") == 2
     assert "--point" in capsys.readouterr().err
@@ -106,7 +104,7 @@ def test_a_point_that_is_none_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_history_and_frequency_response_are_those_of_the_fields() -> None:
+def test_plotted_curves_agree_with_the_displacement_field() -> None:
     scene = Scene.read("plain_weave")
     scene.set("modal.modes=10")
     scene.set('response.loads=[{base_displacement=[0, 0, "1 um"]}]')
@@ -142,7 +140,7 @@ def test_history_and_frequency_response_are_those_of_the_fields() -> None:
         np.testing.assert_allclose(now, turned, atol=1e-9 * abs(answer).max())
 
 
-def test_a_motion_by_steps_has_its_energies_plotted(
+def test_energies_are_plotted_for_a_motion_in_time_steps(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene, file = tmp_path / "fall.toml", tmp_path / "fall.svg"

@@ -11,7 +11,7 @@ pytest.importorskip("mitsuba")
 raytrace = pytest.importorskip("spacemap_vtk.draw.raytrace")
 
 
-def test_fibres_have_the_colours_of_their_yarns_and_gaps_are_dark() -> None:
+def test_fibres_have_yarn_colours_and_gaps_are_dark() -> None:
     # seen flat, cloth of blue ends and red picks with gaps between them
     weave = {"ends": 4, "picks": 4, "warp_color": "#3060c0", "weft_color": "#c04030"}
     weave["warp_diameter"] = [2.4e-4, 2.6e-4]

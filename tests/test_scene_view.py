@@ -53,7 +53,7 @@ class Shown:
 
 
 @contextmanager
-def opened() -> Iterator[Shown]:
+def open_view() -> Iterator[Shown]:
     """Not a fixture, which would keep the scene's stages beyond the test."""
     prepare_offscreen()
     scene = Scene(VALUES)
@@ -67,8 +67,8 @@ PLAIN = {"ghost": False, "loads": False, "supports": False, "clip_normal": None}
 BUSY = {"ghost": True, "loads": True, "supports": True, "clip_normal": (1.0, 0.0, 0.0)}
 
 
-def test_what_was_shown_leaves_nothing_behind() -> None:
-    with opened() as shown:
+def test_an_earlier_frame_leaves_no_traces() -> None:
+    with open_view() as shown:
         scene = shown.scene
         plain = frame_of(scene, 0.02)
         before = shown.image(plain, ViewOptions(cage=False), **PLAIN)
@@ -86,8 +86,8 @@ def test_what_was_shown_leaves_nothing_behind() -> None:
 
 
 @pytest.mark.parametrize("name", ["ghost", "loads", "supports", "clip_normal"])
-def test_each_thing_is_another_picture(name: str) -> None:
-    with opened() as shown:
+def test_each_option_changes_the_picture(name: str) -> None:
+    with open_view() as shown:
         frame = frame_of(shown.scene, 0.02)
         images = [
             shown.image(frame, ViewOptions(), **{**PLAIN, name: on[name]}) for on in (PLAIN, BUSY)
@@ -95,8 +95,8 @@ def test_each_thing_is_another_picture(name: str) -> None:
         assert np.abs(images[1] - images[0]).max() > 20
 
 
-def test_a_plane_moves_without_a_new_frame() -> None:
-    with opened() as shown:
+def test_the_clipping_plane_moves_without_a_new_frame() -> None:
+    with open_view() as shown:
         frame = frame_of(shown.scene, 0.02)
         for origin in ((0.0, 0.0, 0.0), (4e-4, 0.0, 0.0)):
             whole = shown.image(
@@ -107,8 +107,8 @@ def test_a_plane_moves_without_a_new_frame() -> None:
         np.testing.assert_array_equal(shown.window.draw(), whole)
 
 
-def test_far_sides_are_left_out_of_closed_yarns_alone() -> None:
-    with opened() as shown:
+def test_back_faces_are_hidden_only_for_closed_yarns() -> None:
+    with open_view() as shown:
         frame = frame_of(shown.scene, 0.02)
         assert frame.closed
         view = SceneView(shown.window.renderer, has_shadows=False)
@@ -118,7 +118,7 @@ def test_far_sides_are_left_out_of_closed_yarns_alone() -> None:
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_a_cage_has_each_edge_once_and_quadratic_ones_bent(order: int) -> None:
+def test_each_cage_edge_is_drawn_once_and_quadratic_edges_are_bent(order: int) -> None:
     scene = Scene({**VALUES, "cage": {"divisions": [2, 1, 1], "order": order}})
     scene.update(0.02)
     cage, actor = scene.deformed_cage, CageActor()
@@ -139,7 +139,7 @@ def test_a_cage_has_each_edge_once_and_quadratic_ones_bent(order: int) -> None:
     assert 0.0 < actor.GetProperty().GetOpacity() < 0.5
 
 
-def test_a_view_has_no_room_for_where_a_hung_cloth_was_made() -> None:
+def test_the_view_of_a_hanging_cloth_excludes_its_rest_shape() -> None:
     """Held by one edge and made level, it hangs straight down: nothing of it is level any more."""
     weave = {"ends": 6, "picks": 6}
     modal = {"elements": "sheet", "youngs_modulus": "10 Pa", "gravity": [0, 0, -9.8], "modes": 4}

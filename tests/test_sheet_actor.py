@@ -30,7 +30,7 @@ def codes_of(light: Image) -> Image:
     return 255 * np.where(low, 12.92 * light, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055)
 
 
-def drawn(size: tuple[int, int], view: dict[str, Any], **weave: Any) -> tuple[Image, Picture]:
+def draw(size: tuple[int, int], view: dict[str, Any], **weave: Any) -> tuple[Image, Picture]:
     prepare_offscreen()  # sheets need OpenGL
     scene = Scene({"weave": weave, "view": {"camera": "face", "shadows": False, **view}})
     made = Picture(scene, [0.0], size)
@@ -65,7 +65,7 @@ def crossings(monkeypatch: pytest.MonkeyPatch) -> Image:
     """The light of each crossing of a repeat, as a sheet shows it with ten pixels for each."""
     with monkeypatch.context() as patch:
         patch.setattr(level_of_detail, "SMALLEST_YARN", np.inf)
-        image, seen = drawn((300, 300), {}, ends=30, picks=30, **WEAVE)
+        image, seen = draw((300, 300), {}, ends=30, picks=30, **WEAVE)
     assert seen.pieces is None
     middle = (300 * (MARGIN + (1 - 2 * MARGIN) * (np.arange(30) + 0.5) / 30)).astype(int)
     return light_of(image[np.ix_(middle, middle)])[:6, :15]
@@ -79,11 +79,11 @@ def crossings(monkeypatch: pytest.MonkeyPatch) -> Image:
         pytest.param(405, 409, 30, marks=pytest.mark.nightly),
     ],
 )
-def test_a_pixel_has_the_exact_mean_of_the_area_that_it_covers(
+def test_a_pixel_shows_the_exact_mean_of_its_area(
     ends: int, picks: int, pixels: int, crossings: Image
 ) -> None:
     size = pixels, round(pixels * picks / ends)
-    found, seen = drawn(size, {}, ends=ends, picks=picks, **WEAVE)
+    found, seen = draw(size, {}, ends=ends, picks=picks, **WEAVE)
     assert seen.sheet is not None
     assert seen.pieces is None
     scale = (1 - 2 * MARGIN) * min(size[0] / ends, size[1] / picks)
@@ -106,7 +106,7 @@ def test_half_black_and_half_white_is_188_of_255(
     for odd, even in ((WHITE, WHITE), (BLACK, BLACK), (BLACK, WHITE)):
         colors = {"warp_color": [odd, even], "weft_color": [odd, even]}
         view = {"camera": camera}
-        image, seen = drawn((60, 60), view, ends=101, picks=99, pattern="plain", **colors)
+        image, seen = draw((60, 60), view, ends=101, picks=99, pattern="plain", **colors)
         assert seen.sheet is not None
         means.append(light_of(image[20:-20, 20:-20]).mean(axis=(0, 1)))
     white, black, both = means
@@ -115,15 +115,15 @@ def test_half_black_and_half_white_is_188_of_255(
 
 def test_a_cloth_of_few_thin_yarns_has_exact_means() -> None:
     # Yarn by yarn it would take no time, but has edges that are averaged as sRGB values.
-    _, seen = drawn((60, 60), {}, ends=31, picks=31)
+    _, seen = draw((60, 60), {}, ends=31, picks=31)
     assert seen.sheet is not None
     assert seen.pieces is None
-    _, seen = drawn((70, 70), {}, ends=31, picks=31)
+    _, seen = draw((70, 70), {}, ends=31, picks=31)
     assert seen.sheet is None
 
 
 @pytest.mark.parametrize(("pixels", "open_"), [(2.5, False), (4.5, True)])
-def test_yarns_of_few_pixels_look_as_if_they_were_made(
+def test_yarns_a_few_pixels_wide_look_like_modelled_yarns(
     pixels: float, open_: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
@@ -133,11 +133,11 @@ def test_yarns_of_few_pixels_look_as_if_they_were_made(
         weave |= {f"{family}_aspect": 1.0 for family in ("warp", "weft")}
         weave |= {f"{family}_diameter": 1.5e-4 for family in ("warp", "weft")}
     side, fine = round(pixels * 35), 6
-    large, seen = drawn((fine * side, fine * side), {}, **weave)
+    large, seen = draw((fine * side, fine * side), {}, **weave)
     assert seen.pieces is not None
     exact = light_of(large).reshape(side, fine, side, fine, 3).mean(axis=(1, 3))
     monkeypatch.setattr(level_of_detail, "SHADER_PATCHES", 0)
-    found, seen = drawn((side, side), {}, **weave)
+    found, seen = draw((side, side), {}, **weave)
     assert seen.pieces is None
     inner = slice(round(4 * pixels), -round(4 * pixels))
     light, wanted = light_of(found)[inner, inner], exact[inner, inner]
@@ -146,31 +146,31 @@ def test_yarns_of_few_pixels_look_as_if_they_were_made(
     assert np.corrcoef(light.ravel(), wanted.ravel())[0, 1] > 0.95
 
 
-def test_no_yarn_of_a_large_draft_is_made_for_a_picture_of_few_pixels_each(
+def test_thin_yarns_of_a_large_draft_are_not_modelled(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # Few yarns, drawn as so many that a sheet takes their place.
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     monkeypatch.setattr(level_of_detail, "SHADER_PATCHES", 0)
-    _, seen = drawn((162, 162), {}, ends=60, picks=60, **WEAVE)
+    _, seen = draw((162, 162), {}, ends=60, picks=60, **WEAVE)
     assert seen.pieces is None
     assert seen.scene.surface.executions == 0
 
 
-def test_yarns_of_unequal_diameters_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_yarns_of_unequal_diameters_are_modelled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     monkeypatch.setattr(level_of_detail, "SHADER_PATCHES", 0)
     cloth = {"ends": 31, "picks": 31, "pattern": "plain"}
     for diameter, made in ((0.2e-3, False), ([0.2e-3, 0.3e-3], True)):
-        _, seen = drawn((100, 100), {}, **cloth, warp_diameter=diameter)
+        _, seen = draw((100, 100), {}, **cloth, warp_diameter=diameter)
         assert (seen.pieces is not None) is made
 
 
-def test_more_crossings_than_a_texture_holds_keep_their_mean_colours(
+def test_crossings_beyond_the_texture_size_keep_their_mean_colours(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def mean() -> Image:
-        image, seen = drawn((64, 64), {}, ends=151, picks=153, **WEAVE)
+        image, seen = draw((64, 64), {}, ends=151, picks=153, **WEAVE)
         assert seen.pieces is None
         quarters = light_of(image[4:-4, 4:-4]).reshape(2, 28, 2, 28, 3).mean(axis=(1, 3))
         return codes_of(quarters)

@@ -59,7 +59,7 @@ def picture(scene: Scene, time: float = 0.02) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_the_picture_is_that_of_opengl(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_software_pictures_agree_with_opengl(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     prepare_offscreen()
     view, most = VIEWS[name]
     scene = Scene({**SWING, "view": view})
@@ -75,7 +75,7 @@ def test_the_picture_is_that_of_opengl(name: str, monkeypatch: pytest.MonkeyPatc
     assert np.abs(made - expected).mean() < min(most, 0.5 * bare)
 
 
-def test_a_painted_object_is_that_of_opengl(
+def test_a_textured_object_agrees_with_opengl(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     prepare_offscreen()
@@ -93,7 +93,7 @@ def test_a_painted_object_is_that_of_opengl(
     assert np.abs(picture(scene) - expected).mean() < 0.5
 
 
-def test_shapes_of_modes_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mode_shapes_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     prepare_offscreen()
     scene = Scene({**SWING, "modal": {"modes": 1}})
     expected = mode_sheet(scene, lambda *_: None).astype(int)
@@ -101,7 +101,7 @@ def test_shapes_of_modes_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(mode_sheet(scene, lambda *_: None) - expected).mean() < 0.8
 
 
-def test_a_bare_machine_draws_and_says_so(
+def test_a_machine_without_opengl_draws_with_a_warning(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from spacemap_vtk.draw import offscreen
@@ -124,9 +124,7 @@ def test_a_bare_machine_draws_and_says_so(
     assert pale.mean() > 0.1
 
 
-def test_a_face_of_thin_yarns_is_drawn_yarn_by_yarn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_thin_yarns_are_drawn_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With OpenGL it is a sheet, which is not drawn without."""
     monkeypatch.setenv(OPENGL_VARIABLE, "never")
     file, words = tmp_path / "a.png", ["--set", "weave.ends=60", "--set", "weave.picks=60"]
@@ -135,7 +133,7 @@ def test_a_face_of_thin_yarns_is_drawn_yarn_by_yarn(
     assert np.ptp(np.asarray(Image.open(file).convert("RGB")).astype(int), axis=(0, 1)).min() > 40
 
 
-def test_a_sheet_names_what_it_needs(
+def test_a_sheet_needs_opengl(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     prepare_offscreen()
@@ -166,7 +164,7 @@ def test_a_film_is_drawn_frame_by_frame(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("kept", [True, False])
-def test_nothing_is_kept_beside_the_program(kept: bool, tmp_path: Path) -> None:
+def test_compiled_loops_are_not_stored_in_the_package(kept: bool, tmp_path: Path) -> None:
     """What pip did not install would outlive it, and hide an editable install of the same."""
     code = (
         "from spacemap_vtk.draw.software import raster_loops as r; print(r.fill.stats.cache_path)"

@@ -13,7 +13,7 @@ from spacemap_vtk.scenes.scene import Scene
 SCRIPT = runpy.run_path(str(Path(__file__).parent.parent / "benchmarks" / "steps.py"))
 
 
-def test_the_stages_that_a_new_time_runs_stand_beside_their_own_bytes():
+def test_stages_of_a_new_time_are_listed_with_their_bytes():
     scene = Scene.read("plain_weave")
     figures = SCRIPT["step_timings"](scene, steps=2)
     names = [row["name"] for row in figures["stages"]]
@@ -37,7 +37,7 @@ def test_the_stages_that_a_new_time_runs_stand_beside_their_own_bytes():
     assert not figures["compiled"]
 
 
-def test_an_object_in_a_cage_is_measured_too(capsys):
+def test_an_object_in_a_cage_is_measured(capsys):
     SCRIPT["main"](["plain_weave", "--set", "weave.ends=3", "--steps", "1", "--json"])
     (figures,) = json.loads(capsys.readouterr().out)["scenes"]
     assert figures["title"] == "3 x 7 yarns"

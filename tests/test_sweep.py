@@ -18,7 +18,9 @@ RADII = np.array([0.1, 0.25])
 AROUND = 1.0
 
 
-def tori(parts: int, turn: float, tilt: np.ndarray, exact: bool) -> tuple[CentreLines, np.ndarray]:
+def make_tori(
+    parts: int, turn: float, tilt: np.ndarray, exact: bool
+) -> tuple[CentreLines, np.ndarray]:
     """Quarters of circles about one axis, a thin tube and a thick one, their frames turned."""
     angle = 0.5 * pi / parts
     handle, weight = rational_handles(angle) if exact else (arc_handle(angle), 1.0)
@@ -68,7 +70,7 @@ def test_a_tube_along_a_circle_is_a_torus(
 ) -> None:
     skew = np.cross(np.eye(3), about)
     tilt = np.linalg.solve(np.eye(3) + skew, np.eye(3) - skew)  # Cayley's rotation
-    lines, axis = tori(parts, turn, tilt, exact=True)
+    lines, axis = make_tori(parts, turn, tilt, exact=True)
     made = sweep([(lines, build_section("circular", 1.0, True))], True, True)
     points, du, dv = surface(made, np.linspace(0, 1, 7), slice(0, made.tube_patches))  # type: ignore[arg-type]
     thick = made.line[: made.tube_patches] == 3
@@ -84,19 +86,19 @@ def test_a_tube_along_a_circle_is_a_torus(
 
 @pytest.mark.parametrize(("kind", "aspect"), [("circular", 1.0), ("elliptic", 1.5)])
 @pytest.mark.parametrize("turn", [0.0, 0.7])
-def test_tubes_are_closed_and_hold_their_volume(kind: str, aspect: float, turn: float) -> None:
+def test_tubes_are_closed_and_have_the_exact_volume(kind: str, aspect: float, turn: float) -> None:
     """By Pappus: the section times the way of its middle, however it is turned."""
-    lines, _ = tori(3, turn, np.eye(3), exact=True)
+    lines, _ = make_tori(3, turn, np.eye(3), exact=True)
     made = sweep([(lines, build_section(kind, aspect, True))], True, True)
     expected = 0.5 * pi * AROUND * pi * aspect * RADII**2
     np.testing.assert_allclose(volumes(made)[[7, 3]], expected, rtol=1e-12)
-    lines, _ = tori(3, turn, np.eye(3), exact=False)
+    lines, _ = make_tori(3, turn, np.eye(3), exact=False)
     made = sweep([(lines, build_section(kind, aspect, False))], True, False)
     np.testing.assert_allclose(volumes(made)[[7, 3]], expected, rtol=1e-3)
 
 
-def test_bundles_stand_one_after_the_other() -> None:
-    lines, _ = tori(2, 0.0, np.eye(3), exact=False)
+def test_bundles_are_numbered_in_sequence() -> None:
+    lines, _ = make_tori(2, 0.0, np.eye(3), exact=False)
     one = sweep([(lines, build_section("circular", 1.0, False))], False, False)
     other = sweep([(lines, build_section("racetrack", 1.5, False))], False, False)
     both = sweep(

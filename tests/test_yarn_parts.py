@@ -40,7 +40,7 @@ def picture_of(
     return image, picture
 
 
-def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def force_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     monkeypatch.setattr(level_of_detail, "PIECE_PATCHES", 500)
 
@@ -58,14 +58,14 @@ def in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         ("fabric", {"yarns": {"modulus": "300 cN/tex", "inextensible": False}, "view": TENSION}),
     ],
 )
-def test_pieces_make_the_picture_of_the_whole(
+def test_pieces_give_the_same_picture_as_the_whole(
     show: str, sections: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The same camera: what it is aimed at is the sheet's outline, or the yarns'.
     near = Viewpoint((0.004, 0.002, 0.016), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     whole, picture = picture_of(near, show, **sections)
     assert picture.pieces is None
-    in_pieces(monkeypatch)
+    force_pieces(monkeypatch)
     parts, picture = picture_of(near, show, **sections)
     assert picture.pieces is not None
     assert picture.level.pieces > 4
@@ -81,7 +81,7 @@ def arrays_of(stage: Stage | None) -> list[NDArray[np.float64]]:
     return [vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "crimp")]
 
 
-def test_crossings_of_pieces_do_what_those_of_the_whole_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_crossings_of_pieces_agree_with_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     # Yarns are as long as their crossings say from selvedge to selvedge: no part of them knows it.
     weave = {**VALUES["weave"], "warp_diameter": [2.5e-4, 2e-4, 3e-4]}
     sections = {"weave": weave, "yarns": {}, "view": {"color": "crimp"}}
@@ -90,7 +90,7 @@ def test_crossings_of_pieces_do_what_those_of_the_whole_do(monkeypatch: pytest.M
     yarns, crimp = arrays_of(picture.scene.stage("crimp"))
     assert len(np.unique(crimp)) > 100
     span = picture._span
-    in_pieces(monkeypatch)
+    force_pieces(monkeypatch)
     _, picture = picture_of(corner, **sections)
     assert picture._span == span
     assert picture.sheet is not None
@@ -104,7 +104,7 @@ def test_crossings_of_pieces_do_what_those_of_the_whole_do(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize("moves", [False, True])
-def test_yarns_of_a_tile_are_as_far_apart_as_those_of_the_whole(moves: bool) -> None:
+def test_clearances_of_tiles_agree_with_the_whole(moves: bool) -> None:
     weave = {"ends": 15, "picks": 13, "pattern": "twill 2/1", "weft_diameter": [2.5e-4, 2e-4]}
     scene = Scene(
         {
@@ -140,10 +140,10 @@ def rows_of(surface: vtkPolyData, numbers: NDArray[np.float32] | None) -> NDArra
     return np.column_stack([middle, yarn, numbers[quads]])
 
 
-def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invisible_yarns_are_not_made(monkeypatch: pytest.MonkeyPatch) -> None:
     corner = Viewpoint((0.0025, 0.0025, 0.004), (0.0025, 0.0025, 0.0), (0.0, 1.0, 0.0))
     whole, _ = picture_of(corner)
-    in_pieces(monkeypatch)
+    force_pieces(monkeypatch)
     parts, picture = picture_of(corner)
     assert picture.pieces is not None
     made = picture.pieces._stages.source.executions
@@ -155,7 +155,7 @@ def test_what_is_out_of_sight_is_not_made(monkeypatch: pytest.MonkeyPatch) -> No
     assert np.mean(np.abs(parts - whole).max(axis=2) > 4) < 0.01
 
 
-def test_facets_that_somebody_asked_for_are_drawn_in_less_memory(
+def test_requested_subdivisions_are_drawn_in_pieces(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     whole, picture = picture_of(surface={"subdivisions": 3})

@@ -33,14 +33,14 @@ MODULES = ROOT / ".venv-node" / "node_modules"
 SMALL = ("weave.ends=3", "weave.picks=4", "surface.subdivisions=2", "modal.youngs_modulus=500")
 
 
-def changed(name: str, *assignments: str) -> Scene:
+def change_scene(name: str, *assignments: str) -> Scene:
     scene = Scene.read(name)
     for assignment in assignments:
         scene.set(assignment)
     return scene
 
 
-def played(file: Path, seconds: Sequence[float] = (), clip: int = 0) -> dict[str, Any]:
+def play_motion(file: Path, seconds: Sequence[float] = (), clip: int = 0) -> dict[str, Any]:
     if not MODULES.is_dir() or shutil.which("node") is None:
         pytest.skip("needs node, and gltf-validator and three in .venv-node")
     script = ROOT / "tests" / "play_gltf.mjs"
@@ -51,7 +51,7 @@ def played(file: Path, seconds: Sequence[float] = (), clip: int = 0) -> dict[str
     return found
 
 
-def farthest(found: Any, surface: vtkPolyData) -> float:
+def largest_distance(found: Any, surface: vtkPolyData) -> float:
     """How far vertices and the points of a surface are from each other, both ways."""
     there, here = np.array(found), points_of(surface)
     ways = cKDTree(here).query(there)[0], cKDTree(there).query(here)[0]
@@ -72,7 +72,7 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
 ) -> None:
     if short:  # as of a surface with many points
         monkeypatch.setattr(morph_surface, "_MANY_POINTS", 2)
-    scene, file = changed("plain_weave", *SMALL, *more), tmp_path / "a.glb"
+    scene, file = change_scene("plain_weave", *SMALL, *more), tmp_path / "a.glb"
     times, tolerance = np.linspace(0.0, 0.06, 13).tolist(), 2e-7
     made = make_moving_surface(scene, times, tolerance, lambda done, of: None, sides=2)
     assert 2 <= len(made.targets) < 12
@@ -80,13 +80,13 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     assert made.metadata["largest_error"] <= tolerance
     writer(file).write(file, made)
     step, places = 1.0 / scene.animation.speed, (0, 3, 8, 12)
-    told = played(file, [times[k] * step for k in places])
+    told = play_motion(file, [times[k] * step for k in places])
     for number, found in zip(places, told["played"], strict=True):
         scene.update(times[number])
         there = np.array(found)
         if "view.camera=lying" in more:  # y is up in a glTF
             there = there[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
-        assert farthest(there, scene.polygons) <= 1.01 * tolerance
+        assert largest_distance(there, scene.polygons) <= 1.01 * tolerance
     assert np.ptp(np.array(told["played"]), axis=0).max() > 1000 * tolerance
     if short:  # half of what it takes otherwise
         writer(file).write(tmp_path / "long.glb", replace(made, quantised=None))
@@ -96,14 +96,14 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     assert told["materials"] == [["warp #2d6a8e", "2d6a8e"], ["weft #e8c78f", "e8c78f"]]
 
 
-def test_a_surface_with_many_points_is_made_of_less_and_says_so(
+def test_targets_of_a_large_surface_are_limited_with_a_warning(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", 1000)
     monkeypatch.setattr(morph_surface, "_MANY_POINTS", 200)
     monkeypatch.setattr(morph_surface, "_LARGE_FILE", 1)
     monkeypatch.setattr(morph_surface, "_YARN_TOLERANCE", 4e-6)
-    scene, said = changed("plain_weave", *SMALL), list[str]()
+    scene, said = change_scene("plain_weave", *SMALL), list[str]()
     made = make_moving_surface(
         scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, warn=said.append
     )
@@ -117,7 +117,7 @@ def test_a_surface_with_many_points_is_made_of_less_and_says_so(
     assert len(made.targets) == 8
     # How far it is off is told, and is no more.
     assert 0.0 < made.metadata["largest_error"] <= made.tolerance < 1e-6
-    scene = changed("plain_weave", *SMALL)
+    scene = change_scene("plain_weave", *SMALL)
     asked = make_moving_surface(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
     assert len(asked.triangles) > 8 * len(made.triangles)  # of 9, without caps
 
@@ -136,10 +136,10 @@ def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
     np.testing.assert_allclose(np.pi / 4 * curves.widths**2, areas, rtol=2e-3)
 
 
-def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
-    scene, file = changed("plain_weave", *SMALL, "modal.modes=3"), tmp_path / "a.glb"
+def test_each_mode_moves_by_its_own_shape(tmp_path: Path) -> None:
+    scene, file = change_scene("plain_weave", *SMALL, "modal.modes=3"), tmp_path / "a.glb"
     writer(file).write(file, make_mode_surface(scene, lambda done, of: None))
-    told = played(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
+    told = play_motion(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
     solver = scene.stage("solver")
     assert solver is not None
     cage = shallow_copy(solver.output)
@@ -147,10 +147,10 @@ def test_a_mode_swings_by_its_own_shape(tmp_path: Path) -> None:
     assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies, 1)]
     for found, share in zip(told["played"], (0.0, 0.1), strict=True):
         apply_mode_shape(scene, cage, 2, share * float(np.ptp(points_of(cage), axis=0).max()))
-        assert farthest(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9
+        assert largest_distance(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9
 
 
-def test_what_nothing_moves_is_no_animation(tmp_path: Path) -> None:
+def test_a_still_scene_has_no_animation(tmp_path: Path) -> None:
     weave = {"ends": 3, "picks": 3}
     scene = Scene({"weave": weave, "cage": {"divisions": [2, 2, 1]}, "modal": {}, "response": {}})
     made = make_moving_surface(scene, [0.0, 0.02], None, lambda *_: None)
@@ -162,7 +162,7 @@ def test_what_nothing_moves_is_no_animation(tmp_path: Path) -> None:
     assert "animations" not in content
 
 
-def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
+def test_sizes_are_reported_and_invalid_options_refused(tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / "a.glb"
     words = ["export", "plain_weave"] + [word for each in SMALL for word in ("--set", each)]
     with pytest.raises(SystemExit, match="0"):
@@ -201,7 +201,7 @@ def test_what_is_told_and_refused(tmp_path: Path, capsys: Any) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
 
 
-def test_a_still_cloth_of_many_patches_is_subdivided_less(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_still_cloth_has_fewer_subdivisions(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = Scene({"weave": {"ends": 6, "picks": 6}})
     usual = len(make_moving_surface(scene, [0.0], None, lambda *_: None).points)
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", usual / 3)
@@ -219,9 +219,7 @@ def test_a_still_cloth_of_many_patches_is_subdivided_less(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("limit", ["memory", "file"])
-def test_a_cloth_that_is_too_large_is_refused_before_it_is_made(
-    limit: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_too_large_cloth_is_refused_early(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, most = Scene({"weave": {"ends": 120, "picks": 120}}), 2**32
     if limit == "memory":
         monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 500_000_000)

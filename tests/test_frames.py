@@ -28,7 +28,7 @@ VALUES: dict[str, Any] = {
 COUNT = 5
 
 
-def filmed(output: Path, stop: int | None = None, **more: Any) -> list[int]:
+def make_film(output: Path, stop: int | None = None, **more: Any) -> list[int]:
     """Make a film, or stop it after some frames; return how many were told done."""
     told: list[int] = []
 
@@ -45,7 +45,7 @@ def filmed(output: Path, stop: int | None = None, **more: Any) -> list[int]:
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+def drawn_times(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Return the times that are drawn from now on."""
     times: list[float] = []
     draw = Picture.draw
@@ -58,25 +58,27 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return times
 
 
-def contents(folder: Path) -> dict[str, bytes]:
+def folder_contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 @pytest.mark.parametrize("name", ["a%d.png", "a.gif"])
-def test_a_film_that_was_stopped_goes_on(name: str, tmp_path: Path, drawn: list[float]) -> None:
+def test_a_stopped_film_continues_from_its_frames(
+    name: str, tmp_path: Path, drawn_times: list[float]
+) -> None:
     (whole := tmp_path / "whole").mkdir()
     (parts := tmp_path / "parts").mkdir()
-    assert filmed(whole / name) == [0, 1, 2, 3, 4, 5]
-    drawn.clear()
+    assert make_film(whole / name) == [0, 1, 2, 3, 4, 5]
+    drawn_times.clear()
     with pytest.raises(KeyboardInterrupt):
-        filmed(parts / name, 3)
+        make_film(parts / name, 3)
     assert [path.name for path in parts.iterdir()] == [f"{name}.frames"]
     # One of the three is torn, as by a machine that has lost its power.
     torn = FrameFolder(parts / name).path(1)
     torn.write_bytes(torn.read_bytes()[:-30])
-    assert filmed(parts / name) == [2, 3, 4, 5]
-    np.testing.assert_allclose(drawn, [0.0, 0.04, 0.08, 0.04, 0.12, 0.16], atol=1e-12)
-    assert contents(parts) == contents(whole)
+    assert make_film(parts / name) == [2, 3, 4, 5]
+    np.testing.assert_allclose(drawn_times, [0.0, 0.04, 0.08, 0.04, 0.12, 0.16], atol=1e-12)
+    assert folder_contents(parts) == folder_contents(whole)
 
 
 def test_frames_of_another_film_are_never_used(
@@ -85,31 +87,31 @@ def test_frames_of_another_film_are_never_used(
     output = tmp_path / "a.gif"
     for changed in ({"weave": {"ends": 3, "picks": 2}}, {"view": {"size": [64, 40]}}):
         with pytest.raises(KeyboardInterrupt):
-            filmed(output, 3)
-        assert filmed(output, **changed)[0] == 0
+            make_film(output, 3)
+        assert make_film(output, **changed)[0] == 0
     with pytest.raises(KeyboardInterrupt):
-        filmed(output, 3)
+        make_film(output, 3)
     # A mistake does not cost the frames that are there.
     with monkeypatch.context() as little:
         little.setattr("spacemap_vtk.memory.available_bytes", lambda: 400_000_000)
         with pytest.raises(SizeError, match="--workers = 5: 2 processes would need"):
-            filmed(output, workers=5)
-    assert filmed(output)[0] == 3
+            make_film(output, workers=5)
+    assert make_film(output)[0] == 3
     with pytest.raises(KeyboardInterrupt):
-        filmed(output, 3)
-    assert filmed(output, again=True)[0] == 0
+        make_film(output, 3)
+    assert make_film(output, again=True)[0] == 0
     assert list(tmp_path.iterdir()) == [output]
 
 
-def test_a_folder_that_is_anothers_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "a.gif.frames").mkdir()
     (tmp_path / "a.gif.frames" / "precious").touch()
     with pytest.raises(InputError, match="has other files"):
-        filmed(tmp_path / "a.gif")
+        make_film(tmp_path / "a.gif")
     assert {path.name for path in tmp_path.rglob("*")} == {"a.gif.frames", "precious"}
 
 
-def test_a_film_that_another_process_makes_is_left_alone(tmp_path: Path) -> None:
+def test_a_film_of_another_process_is_refused(tmp_path: Path) -> None:
     output = tmp_path / "a.gif"
     found: list[str] = []
 
@@ -119,7 +121,7 @@ def test_a_film_that_another_process_makes_is_left_alone(tmp_path: Path) -> None
                 with pytest.raises(
                     InputError, match=r"a\.gif is being made by another.*Wait"
                 ) as no:
-                    filmed(output, **more)
+                    make_film(output, **more)
                 found.append(str(no.value))
 
     FilmJob(output).run(Scene(VALUES), tell)
@@ -129,17 +131,19 @@ def test_a_film_that_another_process_makes_is_left_alone(tmp_path: Path) -> None
         assert image.n_frames == COUNT
 
 
-def test_processes_make_the_same_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_processes_make_the_same_film(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # They share what is solved though nothing is to be kept.
     monkeypatch.setenv(cache.VARIABLE, "off")
-    filmed(tmp_path / "a.gif")
-    assert filmed(tmp_path / "b.gif", workers=2) == [0, 1, 2, 3, 4, 5]
-    found = contents(tmp_path)
+    make_film(tmp_path / "a.gif")
+    assert make_film(tmp_path / "b.gif", workers=2) == [0, 1, 2, 3, 4, 5]
+    found = folder_contents(tmp_path)
     assert found.keys() == {"a.gif", "b.gif"}
     assert found["a.gif"] == found["b.gif"]
 
 
-def test_as_many_processes_as_there_is_work_and_memory_for(
+def test_the_number_of_processes_follows_work_and_memory(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = Scene(VALUES)
@@ -161,7 +165,7 @@ def test_as_many_processes_as_there_is_work_and_memory_for(
     assert [count(1000, 1000, asked, 2e9) for asked in (None, 2)] == [1, 2]
 
 
-def test_a_picture_is_what_another_reader_reads(tmp_path: Path) -> None:
+def test_another_program_reads_the_same_pixels(tmp_path: Path) -> None:
     image = np.random.default_rng(3).integers(0, 256, (37, 23, 3), dtype=np.uint8)
     write_png(tmp_path / "a.png", image)
     with Image.open(tmp_path / "a.png") as found:

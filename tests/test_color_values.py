@@ -60,7 +60,7 @@ def test_velocity_is_the_slope_of_the_displacement() -> None:
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-def test_a_uniform_strain_arrives_as_it_is(smooth: bool) -> None:
+def test_a_uniform_strain_is_interpolated_exactly(smooth: bool) -> None:
     """A cage stretched by a motion from a file is stretched alike everywhere."""
     scene = scene_with(warp={"smooth": smooth, "carried": "strain"})
     scene.update(0.0)
@@ -81,7 +81,7 @@ def test_a_uniform_strain_arrives_as_it_is(smooth: bool) -> None:
     np.testing.assert_allclose(carried, np.broadcast_to(tensors[0], carried.shape), rtol=1e-5)
 
 
-def test_what_the_cage_lacks_is_told_with_what_it_has() -> None:
+def test_a_missing_array_is_refused_with_a_list_of_arrays() -> None:
     scene = scene_with(warp={"carried": "warmth"})
     with pytest.raises(InputError, match=r"warp\.carried") as refused:
         scene.update(0.0)
@@ -100,7 +100,9 @@ def test_what_the_cage_lacks_is_told_with_what_it_has() -> None:
         ({"object": {"file": "scenes/objects/lever.stl"}}, "clearance"),
     ],
 )
-def test_a_scene_without_it_says_what_it_can_show(values: dict[str, Any], color: str) -> None:
+def test_an_unavailable_colouring_is_refused_with_alternatives(
+    values: dict[str, Any], color: str
+) -> None:
     root = Path(__file__).resolve().parents[1] / "scene.toml"
     scene = Scene({**values, "view": {"color": color}}, root)
     assert color not in scene.colorings
@@ -109,7 +111,7 @@ def test_a_scene_without_it_says_what_it_can_show(values: dict[str, Any], color:
     assert refused.value.allowed == ", ".join(scene.colorings)
 
 
-def test_another_colour_runs_the_last_stages_at_most() -> None:
+def test_another_colouring_runs_only_the_last_stages() -> None:
     scene = scene_with()
     scene.update(0.01)
     before = {stage.section: stage.executions for stage in scene.stages}
@@ -124,7 +126,7 @@ def test_another_colour_runs_the_last_stages_at_most() -> None:
 
 
 @pytest.mark.parametrize("color", ["family", "velocity", "stress", "clearance"])
-def test_the_command_line_draws_colours(tmp_path: Path, color: str) -> None:
+def test_each_colouring_is_drawn_by_the_command_line(tmp_path: Path, color: str) -> None:
     pictures = []
     for name in ("own", color):
         file = tmp_path / f"{name}.png"
@@ -140,7 +142,7 @@ def test_the_command_line_draws_colours(tmp_path: Path, color: str) -> None:
     assert (strips[1] > 60) == (color != "family")
 
 
-def test_a_wrong_colour_names_the_option(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_colouring_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["render", "plain_weave", "-o", "x.png", "--color", "stres"])
     assert ended.value.code == 2
@@ -159,7 +161,7 @@ def test_a_wrong_colour_names_the_option(capsys: pytest.CaptureFixture[str]) -> 
         ("clearance", "mm", (-0.00754, 0.328)),
     ],
 )
-def test_a_scale_is_read_whole(
+def test_a_colour_scale_has_all_its_labels(
     size: tuple[int, int], color: str, unit: str, span: tuple[float, float]
 ) -> None:
     bar, table = make_color_bar(), vtkLookupTable()
@@ -180,7 +182,7 @@ def test_a_scale_is_read_whole(
     assert columns[0] >= size[0] * (1.0 - color_bar_share(size)) - 1
 
 
-def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None:
+def test_a_number_has_the_colour_of_its_scale_everywhere(tmp_path: Path) -> None:
     """A plate close behind another one: where yarns have a contact shadow, numbers have none."""
     prepare_offscreen()
     near = pv.Plane(
@@ -227,7 +229,7 @@ def test_a_number_has_its_scales_colour_wherever_it_lies(tmp_path: Path) -> None
     assert offs["own"] > 0.1
 
 
-def test_what_hangs_shows_how_far_and_how_strongly_it_is_pulled() -> None:
+def test_a_hanging_cloth_shows_its_equilibrium_and_stress() -> None:
     modal = {"elements": "sheet", "gravity": [0, -9.80665, 0], "modes": 3, "areal_mass": 0.2}
     scene = Scene({**SMALL, "cage": {"divisions": [2, 12, 1]}, "modal": modal, "response": {}})
     found = {}
@@ -264,7 +266,7 @@ def test_a_scale_ends_at_a_round_number(largest: float, end: float) -> None:
     assert natural_span(np.array([0.0, largest])) == (0.0, pytest.approx(end, rel=1e-9))
 
 
-def test_what_yarns_do_is_shown_of_patches_and_jams_in_two_colours() -> None:
+def test_crimp_results_are_shown_on_patches() -> None:
     scene = Scene({"weave": {"ends": 4, "picks": 4}, "response": {}, "yarns": {}})
     plain = set(Scene({"weave": {}, "response": {}}).colorings)
     added = {"crimp", "yarn_strain", "contact_force", "jammed"}
