@@ -1,4 +1,4 @@
-"""What is written over a picture is as long as it says, and is seen over cloth."""
+"""Annotations have correct lengths and are drawn over the cloth."""
 
 from __future__ import annotations
 

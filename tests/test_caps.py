@@ -1,4 +1,4 @@
-"""Closed, and exact: caps, rational patches, and VTK's opinion of both."""
+"""Closed yarns: caps and rational patches, compared with closed forms and with VTK."""
 
 from __future__ import annotations
 

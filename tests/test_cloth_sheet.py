@@ -1,4 +1,4 @@
-"""A sheet from afar looks and moves as the yarns do that it stands for."""
+"""A sheet looks and moves like the yarns that it replaces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the cage has rides along with the fabric, and can be seen in pictures."""
+"""Arrays of the cage are interpolated on the fabric and shown as colours."""
 
 from __future__ import annotations
 

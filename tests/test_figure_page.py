@@ -1,4 +1,4 @@
-"""Pages for publications, read back: drawings say what the cloth is, pictures share a camera."""
+"""Pages for publications: drawings agree with the cloth, and pictures share a camera."""
 
 from __future__ import annotations
 

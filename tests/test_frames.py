@@ -1,4 +1,4 @@
-"""Films: the same by one process or several, and in one go or in two."""
+"""Films: several processes and continued films give the same frames."""
 
 from __future__ import annotations
 

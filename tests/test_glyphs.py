@@ -1,4 +1,4 @@
-"""Pictures show what the window shows: loads, supports, the ghost of the rest shape, a cut."""
+"""Loads, supports, the ghost of the rest shape, and cuts in pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs: refused when they are made, run completely or not at all, ended by who watches them."""
+"""Jobs: refused early, run completely or not at all, and cancelled by their caller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Surfaces that move, as other programs play them: three.js, after Khronos's validator."""
+"""Moving surfaces for other programs, played back with three.js and checked by a validator."""
 
 from __future__ import annotations
 

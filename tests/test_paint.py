@@ -1,4 +1,4 @@
-"""Pictures and colours of materials: what a point shows is what its file says."""
+"""Textures and colours of materials: points have the colours that their file states."""
 
 from __future__ import annotations
 

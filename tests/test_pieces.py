@@ -1,4 +1,4 @@
-"""Pieces in one process: every stage makes its part of the whole, and knows the whole's bounds."""
+"""Pieces in one process: each stage makes a part of the whole with the bounds of the whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures by rays of light, where Mitsuba is installed."""
+"""Ray-traced pictures, if Mitsuba is installed."""
 
 from __future__ import annotations
 

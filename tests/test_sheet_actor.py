@@ -1,4 +1,4 @@
-"""Area averages of a cloth whose yarns are too thin to be seen: exact, and in linear light."""
+"""Area means of a cloth whose yarns are too thin to be seen: exact, in linear light."""
 
 from typing import Any
 

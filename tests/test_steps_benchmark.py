@@ -1,4 +1,4 @@
-"""The script that times one step of a scene beside a copy of its bytes."""
+"""The script that compares the time of one step with the time of copying its bytes."""
 
 from __future__ import annotations
 

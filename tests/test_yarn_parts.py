@@ -1,4 +1,4 @@
-"""Yarns that are drawn some after others make the picture that they make together."""
+"""Yarns that are drawn in several pieces give the picture of the whole."""
 
 from __future__ import annotations
 
