@@ -60,12 +60,12 @@ AREAS = {
 }
 
 
-def volumes(made: Weave, nodes: int = 24) -> np.ndarray:
+def volumes(weave: Weave, nodes: int = 24) -> np.ndarray:
     """Volume inside each yarn, by the divergence theorem: wrong if a patch is missing."""
     x, w = np.polynomial.legendre.leggauss(nodes)
-    points, du, dv = surface(made, (x + 1) / 2)
+    points, du, dv = surface(weave, (x + 1) / 2)
     flux = np.einsum("puvc,puvc,u,v->p", points, np.cross(du, dv), w / 2, w / 2)
-    return np.bincount(made.yarn, weights=flux / 3)
+    return np.bincount(weave.yarn, weights=flux / 3)
 
 
 def lengths(cloth: Cloth) -> np.ndarray:
@@ -91,13 +91,13 @@ def test_yarn_surfaces_are_closed_and_have_the_exact_volume(kind: str, exact: bo
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_caps_share_the_points_of_their_ring(kind: str) -> None:
-    made = build_weave(CLOTHS[kind])
+    weave = build_weave(CLOTHS[kind])
     bare = build_weave(changed(CLOTHS[kind], caps=False))
-    tubes = made.tube_patches
-    assert np.array_equal(made.patches[:tubes], bare.patches)
-    assert np.array_equal(made.points[: len(bare.points)], bare.points)
+    tubes = weave.tube_patches
+    assert np.array_equal(weave.patches[:tubes], bare.patches)
+    assert np.array_equal(weave.points[: len(bare.points)], bare.points)
     # an edge of a patch is shared by two, or collapsed into a pole
-    corners = made.patches[:, [[0, 4, 5, 1], [1, 6, 7, 2], [3, 8, 9, 2], [0, 10, 11, 3]]]
+    corners = weave.patches[:, [[0, 4, 5, 1], [1, 6, 7, 2], [3, 8, 9, 2], [0, 10, 11, 3]]]
     edges = corners.reshape(-1, 4)
     poles = edges[(edges == edges[:, :1]).all(axis=1)]
     edges = edges[(edges != edges[:, :1]).any(axis=1)]
@@ -106,57 +106,57 @@ def test_caps_share_the_points_of_their_ring(kind: str) -> None:
     assert (count == 2).all()
     assert len(poles) == 2 * 2 * 9
     # patches of one yarn only
-    of_point = np.full(len(made.points), -1)
-    of_point[made.patches] = made.yarn[:, None]
-    assert np.array_equal(of_point[made.patches], np.repeat(made.yarn[:, None], 16, axis=1))
+    of_point = np.full(len(weave.points), -1)
+    of_point[weave.patches] = weave.yarn[:, None]
+    assert np.array_equal(of_point[weave.patches], np.repeat(weave.yarn[:, None], 16, axis=1))
 
 
 @settings(max_examples=40, deadline=None)
 @given(woven(most=3))
 def test_caps_are_flat_and_face_outwards(cloth: Cloth) -> None:
-    made = build_weave(cloth)
-    assert len(build_weave(changed(cloth, caps=False)).patches) == made.tube_patches
-    tessellation = Tessellation(made.patches, (3, 3), 3)
-    positions, normals = tessellation.evaluate(made.points, np.float64)
+    weave = build_weave(cloth)
+    assert len(build_weave(changed(cloth, caps=False)).patches) == weave.tube_patches
+    tessellation = Tessellation(weave.patches, (3, 3), 3)
+    positions, normals = tessellation.evaluate(weave.points, np.float64)
     assert np.isfinite(positions).all()
     assert np.isfinite(normals).all()
     # the same order of samples as the quads'
-    first = tessellation.quads.reshape(-1, 9, 4)[made.tube_patches :]
-    for patch, quads in enumerate(first, start=made.tube_patches):
-        along = 1 - made.family[patch]
+    first = tessellation.quads.reshape(-1, 9, 4)[weave.tube_patches :]
+    for patch, quads in enumerate(first, start=weave.tube_patches):
+        along = 1 - weave.family[patch]
         place = positions[quads.ravel()]
-        assert np.ptp(place[:, along]) <= 1e-12 * abs(made.points).max()
+        assert np.ptp(place[:, along]) <= 1e-12 * abs(weave.points).max()
         outwards = np.sign(place[0, along])
         np.testing.assert_allclose(normals[quads.ravel()][:, along], outwards, rtol=0, atol=1e-6)
 
 
 def test_shortest_ends_are_closed() -> None:
     cloth = changed(FLAT, overhang=0.0)
-    made = build_weave(cloth)
-    assert np.isfinite(made.points).all()
+    weave = build_weave(cloth)
+    assert np.isfinite(weave.points).all()
     expected = lengths(cloth) * np.repeat(AREAS["flat"], [4, 5])
-    np.testing.assert_allclose(volumes(made), expected, rtol=1e-3)
+    np.testing.assert_allclose(volumes(weave), expected, rtol=1e-3)
     # a single crossing, cut on the flat of the yarn crossed
     short = changed(FLAT, overhang=0.05)
-    made = build_weave(changed(short, drawdown=[[1]]))
-    assert made.points[:, 1].max() == pytest.approx(0.225)
-    np.testing.assert_allclose(volumes(made), 0.1 * np.array(AREAS["flat"]), rtol=1e-3)
+    weave = build_weave(changed(short, drawdown=[[1]]))
+    assert weave.points[:, 1].max() == pytest.approx(0.225)
+    np.testing.assert_allclose(volumes(weave), 0.1 * np.array(AREAS["flat"]), rtol=1e-3)
 
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_rational_patches_lie_exactly_on_the_tube(kind: str) -> None:
     """Every point of the surface is at the radius from the axis, to rounding."""
     cloth = changed(CLOTHS[kind], exact=True)
-    made = build_weave(cloth)
-    assert made.radial_error == 0.0
-    points, *_ = surface(made, np.linspace(0, 1, 7), slice(0, made.tube_patches))
+    weave = build_weave(cloth)
+    assert weave.radial_error == 0.0
+    points, *_ = surface(weave, np.linspace(0, 1, 7), slice(0, weave.tube_patches))
     aspect = cloth.warp.aspect, cloth.weft.aspect
     for number, family in enumerate(cloth_axes(cloth)):
         # seen from each part's own arc: its centre, and the distance from it
         part = np.arange(len(family.length))
         station = part + family.owner
         along, height, angle = (x[station] for x in (family.along, family.height, family.angle))
-        mine = points[made.family[: made.tube_patches] == number]
+        mine = points[weave.family[: weave.tube_patches] == number]
         mine = mine.reshape(len(part), -1, 3)
         k = family.curvature[0][:, None]
         du = mine[..., 1 - number] - along[:, None]
@@ -189,13 +189,13 @@ def test_a_rational_cloth_needs_fewer_patches() -> None:
 
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_vtk_agrees_with_rational_patches(kind: str) -> None:
-    made = build_weave(changed(CLOTHS[kind], exact=True))
-    grid = grid_of(made)
-    weights = numpy_to_vtk(made.weights)
+    weave = build_weave(changed(CLOTHS[kind], exact=True))
+    grid = grid_of(weave)
+    weights = numpy_to_vtk(weave.weights)
     weights.SetName("RationalWeights")
     grid.GetPointData().SetRationalWeights(weights)
-    points, *_ = surface(made, np.array([0.2, 0.7]))
-    for patch in [*range(0, len(made.patches), 37), len(made.patches) - 1]:
+    points, *_ = surface(weave, np.array([0.2, 0.7]))
+    for patch in [*range(0, len(weave.patches), 37), len(weave.patches) - 1]:
         location, shape = [0.0] * 3, [0.0] * 16
         grid.GetCell(patch).EvaluateLocation(mutable(0), (0.7, 0.2, 0.0), location, shape)
         np.testing.assert_allclose(location, points[patch, 1, 0], atol=1e-14)
@@ -216,51 +216,53 @@ def test_rational_arcs_are_arcs(angle: float) -> None:
 def test_largest_deviation_is_reported() -> None:
     """The bound holds, and is not far from what is found."""
     for cloth in (ROUND, STEEP):
-        made = build_weave(cloth)
+        weave = build_weave(cloth)
         axis, yarn = sample_axes(cloth, samples=300)
-        points, *_ = surface(made, np.linspace(0, 1, 9), made.yarn == 1)
+        points, *_ = surface(weave, np.linspace(0, 1, 9), weave.yarn == 1)
         points = points[:-4].reshape(-1, 3)
         line = axis[yarn == 1]
         away = np.array([np.linalg.norm(line - p, axis=1).min() for p in points[::7]])
         worst = abs(away / (cloth.warp.diameter / 2) - 1).max()
-        assert worst < made.radial_error + 1e-4
-        assert made.radial_error < 2 * worst + 1e-4
+        assert worst < weave.radial_error + 1e-4
+        assert weave.radial_error < 2 * worst + 1e-4
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("kind", CLOTHS)
 def test_rational_patches_are_tessellated(kind: str, dtype: type) -> None:
     """Positions and normals by the formula of one patch, and the surface exactly round."""
-    made = build_weave(changed(CLOTHS[kind], exact=True))
+    weave = build_weave(changed(CLOTHS[kind], exact=True))
     n = 3
-    tessellation = Tessellation(made.patches, (3, 3), n)
-    positions, normals = tessellation.evaluate(made.points, dtype, made.weights)
-    points, du, dv = surface(made, np.linspace(0, 1, n + 1))
+    tessellation = Tessellation(weave.patches, (3, 3), n)
+    positions, normals = tessellation.evaluate(weave.points, dtype, weave.weights)
+    points, du, dv = surface(weave, np.linspace(0, 1, n + 1))
     corner = tessellation.quads.reshape(-1, n, n, 4)  # [patch, v, u]
-    size = abs(made.points).max()
+    size = abs(weave.points).max()
     tolerance = 1e-6 if dtype == np.float32 else 1e-14
     inner = points[:, :n, :n].swapaxes(1, 2)
     assert abs(positions[corner[..., 0]] - inner).max() < tolerance * size
     expected = np.cross(du, dv)
     expected /= np.maximum(np.linalg.norm(expected, axis=-1, keepdims=True), 1e-300)
-    sides = slice(0, made.tube_patches)
+    sides = slice(0, weave.tube_patches)
     away = normals[corner[sides, ..., 0]] - expected[sides, :n, :n].swapaxes(1, 2)
     assert abs(away).max() < 1000 * tolerance
     assert np.isfinite(normals).all()
     # arrays are carried over by the same functions: positions come out as positions
-    carried = tessellation.interpolate(made.points, made.weights)
+    carried = tessellation.interpolate(weave.points, weave.weights)
     assert abs(carried - positions).max() < tolerance * size
     with pytest.raises(GeometryError, match="weights"):
-        tessellation.evaluate(made.points, dtype, np.zeros(len(made.points)))
+        tessellation.evaluate(weave.points, dtype, np.zeros(len(weave.points)))
 
 
 def test_the_filter_accepts_rational_weights_of_vtk() -> None:
-    made = build_weave(changed(ROUND, exact=True, drawdown=[[1]]))
-    grid = grid_of(made)
-    weights = numpy_to_vtk(made.weights)
+    weave = build_weave(changed(ROUND, exact=True, drawdown=[[1]]))
+    grid = grid_of(weave)
+    weights = numpy_to_vtk(weave.weights)
     weights.SetName("RationalWeights")
     grid.GetPointData().SetRationalWeights(weights)
-    mine = numpy_to_vtk(((np.arange(len(made.patches)) < made.tube_patches) & (made.yarn == 0)) * 1)
+    mine = numpy_to_vtk(
+        ((np.arange(len(weave.patches)) < weave.tube_patches) & (weave.yarn == 0)) * 1
+    )
     mine.SetName("mine")
     grid.GetCellData().AddArray(mine)
     tessellator = PatchTessellator(subdivisions=5)

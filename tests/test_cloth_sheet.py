@@ -203,8 +203,8 @@ def test_visible_yarns_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     _, near = draw({}, 200)
     assert near.pieces is not None
-    _, told = draw({}, 90, surface={"subdivisions": 1})
-    assert told.sheet is None  # who says how many facets gets them
+    _, given = draw({}, 90, surface={"subdivisions": 1})
+    assert given.sheet is None  # who says how many facets gets them
 
 
 def test_clearances_on_few_facets_cause_a_warning() -> None:

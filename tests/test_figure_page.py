@@ -35,15 +35,15 @@ def test_a_section_has_peirces_dimensions(tmp_path: Path) -> None:
     settings = [f"--set=weave.{each}" for each in (*values.split(), "warp_crimp_height=0.2mm")]
     file = tmp_path / "section.svg"
     assert run("figure", "plain_weave", "-o", file, "--panels", "section", *settings, "-q") == 0
-    told = texts(file)
+    written = texts(file)
     for words in (
         *("d₁ = 0.25 mm", "d₂ = 0.3 mm", "D = d₁ + d₂ = 0.55 mm", "p₁ = 0.55 mm", "p₂ = 0.6 mm"),
         *("h₁ = 0.2 mm", "h₂ = 0.35 mm", "θ₁ = 22.10°", "θ₂ = 50.03°"),
         *("l₁ = 0.6364 mm", "l₂ = 0.6803 mm"),
     ):
-        assert words in told
-    assert any("crimp c₁ = 6.064 %" in each for each in told)
-    assert any("crimp c₂ = 23.69 %" in each for each in told)
+        assert words in written
+    assert any("crimp c₁ = 6.064 %" in each for each in written)
+    assert any("crimp c₂ = 23.69 %" in each for each in written)
 
 
 def test_the_squares_of_a_draft_follow_its_matrix(

@@ -29,19 +29,19 @@ COUNT = 5
 
 
 def make_film(output: Path, stop: int | None = None, **more: Any) -> list[int]:
-    """Make a film, or stop it after some frames; return how many were told done."""
-    told: list[int] = []
+    """Make a film, or stop it after some frames; return the reported numbers of finished frames."""
+    progress: list[int] = []
 
-    def tell(done: int, of: int) -> None:
+    def record_progress(done: int, of: int) -> None:
         assert of == COUNT
-        told.append(done)
+        progress.append(done)
         if done == stop:
             raise KeyboardInterrupt
 
     again, workers = more.pop("again", False), more.pop("workers", None)
     job = FilmJob(output, again=again, workers=workers)
-    job.run(Scene({**VALUES, **more}), tell)
-    return told
+    job.run(Scene({**VALUES, **more}), record_progress)
+    return progress
 
 
 @pytest.fixture
@@ -115,7 +115,7 @@ def test_a_film_of_another_process_is_refused(tmp_path: Path) -> None:
     output = tmp_path / "a.gif"
     found: list[str] = []
 
-    def tell(done: int, of: int) -> None:
+    def record_progress(done: int, of: int) -> None:
         if done == 3:
             for more in ({}, {"weave": {"ends": 3, "picks": 2}}):
                 with pytest.raises(
@@ -124,7 +124,7 @@ def test_a_film_of_another_process_is_refused(tmp_path: Path) -> None:
                     make_film(output, **more)
                 found.append(str(no.value))
 
-    FilmJob(output).run(Scene(VALUES), tell)
+    FilmJob(output).run(Scene(VALUES), record_progress)
     assert len(found) == 2
     assert list(tmp_path.iterdir()) == [output]
     with Image.open(output) as image:
@@ -148,10 +148,10 @@ def test_the_number_of_processes_follows_work_and_memory(
 ) -> None:
     scene = Scene(VALUES)
 
-    def count(width: int, missing: int, asked: int | None, free: float) -> int:
+    def count(width: int, missing: int, requested: int | None, free: float) -> int:
         monkeypatch.setattr(workers, "available_bytes", lambda: int(free))
         settings = FilmSettings.from_scene(scene, scene.animation.frame_times(), (width, width))
-        return frames._worker_count(scene, settings, missing, asked)
+        return frames._worker_count(scene, settings, missing, requested)
 
     monkeypatch.setattr(workers, "core_count", lambda: 4)
     assert count(1000, 1000, None, 1e12) == 4
@@ -162,7 +162,7 @@ def test_the_number_of_processes_follows_work_and_memory(
     assert count(64, 3, 8, 1e12) == 3
     # Many yarns are drawn some after others, and keep all cores busy.
     scene = Scene({"weave": {"ends": 400, "picks": 400}, "surface": {"subdivisions": "auto"}})
-    assert [count(1000, 1000, asked, 2e9) for asked in (None, 2)] == [1, 2]
+    assert [count(1000, 1000, requested, 2e9) for requested in (None, 2)] == [1, 2]
 
 
 def test_another_program_reads_the_same_pixels(tmp_path: Path) -> None:

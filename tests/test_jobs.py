@@ -151,7 +151,7 @@ def test_the_record_states_the_times_of_the_output(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "asked"),
+    ("name", "record"),
     [
         ("a.png", {"what": "picture", "times": [0.1], "size": [64, 48], "samples": 9}),
         ("a.gif", {"what": "film", "panels": ["cage"], "wireframe": True}),
@@ -168,12 +168,12 @@ def test_the_record_states_the_times_of_the_output(tmp_path: Path) -> None:
     ],
 )
 def test_a_job_survives_conversion_to_json_and_back(
-    tmp_path: Path, name: str, asked: dict[str, Any]
+    tmp_path: Path, name: str, record: dict[str, Any]
 ) -> None:
     if name == "a.usdc":
         pytest.importorskip("pxr")
-    job = job_from_json(asked, tmp_path / name)
-    assert json.loads(json.dumps(job.as_json())) == asked
+    job = job_from_json(record, tmp_path / name)
+    assert json.loads(json.dumps(job.as_json())) == record
     assert job_from_json(job.as_json(), tmp_path / name) == job
 
 

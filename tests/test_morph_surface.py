@@ -80,20 +80,20 @@ def test_the_motion_is_within_the_tolerance_at_every_frame(
     assert made.metadata["largest_error"] <= tolerance
     writer(file).write(file, made)
     step, places = 1.0 / scene.animation.speed, (0, 3, 8, 12)
-    told = play_motion(file, [times[k] * step for k in places])
-    for number, found in zip(places, told["played"], strict=True):
+    playback = play_motion(file, [times[k] * step for k in places])
+    for number, found in zip(places, playback["played"], strict=True):
         scene.update(times[number])
         there = np.array(found)
         if "view.camera=lying" in more:  # y is up in a glTF
             there = there[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
         assert largest_distance(there, scene.polygons) <= 1.01 * tolerance
-    assert np.ptp(np.array(told["played"]), axis=0).max() > 1000 * tolerance
+    assert np.ptp(np.array(playback["played"]), axis=0).max() > 1000 * tolerance
     if short:  # half of what it takes otherwise
         writer(file).write(tmp_path / "long.glb", replace(made, quantised=None))
         sizes = [each.stat().st_size for each in (file, tmp_path / "long.glb")]
         saved = 12 * len(made.points) * len(made.targets)
         assert sizes[1] - sizes[0] == pytest.approx(saved, rel=0.05)
-    assert told["materials"] == [["warp #2d6a8e", "2d6a8e"], ["weft #e8c78f", "e8c78f"]]
+    assert playback["materials"] == [["warp #2d6a8e", "2d6a8e"], ["weft #e8c78f", "e8c78f"]]
 
 
 def test_targets_of_a_large_surface_are_limited_with_a_warning(
@@ -103,23 +103,23 @@ def test_targets_of_a_large_surface_are_limited_with_a_warning(
     monkeypatch.setattr(morph_surface, "_MANY_POINTS", 200)
     monkeypatch.setattr(morph_surface, "_LARGE_FILE", 1)
     monkeypatch.setattr(morph_surface, "_YARN_TOLERANCE", 4e-6)
-    scene, said = change_scene("plain_weave", *SMALL), list[str]()
+    scene, warnings = change_scene("plain_weave", *SMALL), list[str]()
     made = make_moving_surface(
-        scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, warn=said.append
+        scene, np.linspace(0.0, 0.06, 13).tolist(), None, lambda *_: None, warn=warnings.append
     )
-    assert "subdivided by 1, not by 2" in said[0]
+    assert "subdivided by 1, not by 2" in warnings[0]
     assert re.fullmatch(
-        r"8 of 1\d targets are written, because the file would be too large; .*", said[1]
+        r"8 of 1\d targets are written, because the file would be too large; .*", warnings[1]
     )
     assert re.match(
-        r"8 targets of \d+ points need up to 0 MB; for a smaller file use fewer --sub", said[2]
+        r"8 targets of \d+ points need up to 0 MB; for a smaller file use fewer --sub", warnings[2]
     )
     assert len(made.targets) == 8
-    # How far it is off is told, and is no more.
+    # The reported error is an upper bound of the actual one.
     assert 0.0 < made.metadata["largest_error"] <= made.tolerance < 1e-6
     scene = change_scene("plain_weave", *SMALL)
-    asked = make_moving_surface(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
-    assert len(asked.triangles) > 8 * len(made.triangles)  # of 9, without caps
+    fine = make_moving_surface(scene, [0.0, 0.01], 1e-6, lambda *_: None, sides=3)
+    assert len(fine.triangles) > 8 * len(made.triangles)  # of 9, without caps
 
 
 def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
@@ -139,13 +139,13 @@ def test_yarns_as_curves_have_the_area_of_their_sections() -> None:
 def test_each_mode_moves_by_its_own_shape(tmp_path: Path) -> None:
     scene, file = change_scene("plain_weave", *SMALL, "modal.modes=3"), tmp_path / "a.glb"
     writer(file).write(file, make_mode_surface(scene, lambda done, of: None))
-    told = play_motion(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
+    playback = play_motion(file, [0.0, 0.3], clip=2)  # a swing takes 1.2 s
     solver = scene.stage("solver")
     assert solver is not None
     cage = shallow_copy(solver.output)
     frequencies = array_of(cage.GetFieldData(), "frequencies", "")
-    assert told["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies, 1)]
-    for found, share in zip(told["played"], (0.0, 0.1), strict=True):
+    assert playback["names"] == [f"mode {k} {f:.4g} Hz" for k, f in enumerate(frequencies, 1)]
+    for found, share in zip(playback["played"], (0.0, 0.1), strict=True):
         apply_mode_shape(scene, cage, 2, share * float(np.ptp(points_of(cage), axis=0).max()))
         assert largest_distance(found, scene.surface(scene.warp(scene.source.output, cage))) < 1e-9
 
@@ -181,12 +181,12 @@ def test_sizes_are_reported_and_invalid_options_refused(tmp_path: Path, capsys: 
                 "1um",
             ]
         )
-    told = re.fullmatch(
+    match = re.fullmatch(
         r".*a\.glb: \d targets, 7 frames, largest error [\d.]+ nm, [\d.]+ MB\n",
         capsys.readouterr().out,
     )
-    assert told is not None
-    for more, said in (
+    assert match is not None
+    for more, message in (
         (["--tolerance", "1e-20"], "the tolerance is too small"),
         (["--tolerance", "0mm"], "must be a length"),
         (["--modes", "--tolerance", "1mm"], "modes are written without a tolerance"),
@@ -197,7 +197,7 @@ def test_sizes_are_reported_and_invalid_options_refused(tmp_path: Path, capsys: 
         output = file.with_suffix(".vtp") if "surface" in more else file
         with pytest.raises(SystemExit, match="2"):
             main([*words, "-o", str(output), *more])
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
 
 
@@ -205,10 +205,10 @@ def test_a_large_still_cloth_has_fewer_subdivisions(monkeypatch: pytest.MonkeyPa
     scene = Scene({"weave": {"ends": 6, "picks": 6}})
     usual = len(make_moving_surface(scene, [0.0], None, lambda *_: None).points)
     monkeypatch.setattr(level_of_detail, "FILE_POINTS", usual / 3)
-    said: list[str] = []
-    few = make_moving_surface(scene, [0.0], None, lambda *_: None, warn=said.append)
+    warnings: list[str] = []
+    few = make_moving_surface(scene, [0.0], None, lambda *_: None, warn=warnings.append)
     assert len(few.points) < usual / 2
-    assert "patches are subdivided by 2, not by 4" in said[0]
+    assert "patches are subdivided by 2, not by 4" in warnings[0]
     # as many as are asked for, and of a .ply as the scene says
     for sides in (4, None):
         scene = Scene({"weave": {"ends": 6, "picks": 6}})

@@ -247,8 +247,8 @@ def test_files_of_pieces_contain_the_whole_cloth(pieces: int, tmp_path: Path) ->
         )
         np.testing.assert_allclose(here, there, rtol=0, atol=atol)
     assert len(list((tmp_path / "a").iterdir())) == min(pieces, 7)
-    for wrong, told in ((20_000, "between 1 and 10000"), (-1, "between 1 and 10000")):
-        with pytest.raises(InputError, match=told):
+    for wrong, message in ((20_000, "between 1 and 10000"), (-1, "between 1 and 10000")):
+        with pytest.raises(InputError, match=message):
             make_data_job(file, pieces=wrong)
     with pytest.raises(InputError, match="cannot be written in pieces"):
         make_data_job(tmp_path / "a.vtp", pieces=2)

@@ -113,8 +113,8 @@ def test_a_machine_without_opengl_draws_with_a_warning(
     monkeypatch.setattr(offscreen, "vtkRenderWindow", crash)
     file = tmp_path / "a.png"
     assert run("render", "twill_2_2", "-o", str(file), "--size", "320x240") == 0
-    said = capsys.readouterr().err.splitlines()
-    lines = [line for line in said if "apt-get install libegl1 libgl1" in line]
+    errors = capsys.readouterr().err.splitlines()
+    lines = [line for line in errors if "apt-get install libegl1 libgl1" in line]
     assert len(lines) == 1
     assert "OpenGL libraries were not found" in lines[0]
     pixels = np.asarray(Image.open(file).convert("RGB")).astype(int)
@@ -142,9 +142,9 @@ def test_a_sheet_needs_opengl(
     file = tmp_path / "a.png"
     words = ["--set", "weave.ends=60", "--set", "weave.picks=60", "--size", "80x60"]
     assert run("render", "twill_2_2", "-o", str(file), *words) == 1
-    said = capsys.readouterr().err
-    assert "cloths of very many yarns need OpenGL" in said
-    assert "apt-get install libegl1 libgl1" in said
+    errors = capsys.readouterr().err
+    assert "cloths of very many yarns need OpenGL" in errors
+    assert "apt-get install libegl1 libgl1" in errors
     assert not file.exists()
 
 

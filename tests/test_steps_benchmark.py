@@ -42,6 +42,6 @@ def test_an_object_in_a_cage_is_measured(capsys):
     (figures,) = json.loads(capsys.readouterr().out)["scenes"]
     assert figures["title"] == "3 x 7 yarns"
     SCRIPT["main"](["tube_bundle", "--steps", "1"])
-    told = capsys.readouterr().out
-    assert "BarycentricWarp" in told
-    assert "copies" in told
+    output = capsys.readouterr().out
+    assert "BarycentricWarp" in output
+    assert "copies" in output
