@@ -92,12 +92,12 @@ def _overlaps_unit_box(corners: Floats) -> Bools:
     return result
 
 
-def grow_cells(kept: Bools, margin: int, fill: bool) -> Bools:
+def grow_cells(cells: Bools, margin: int, fill: bool) -> Bools:
     """Add margin layers and enclosed hexahedra to a carved cage.
 
     Parameters
     ----------
-    kept : (nz, ny, nx) bool
+    cells : (nz, ny, nx) bool
         Hexahedra that the object touches.
     margin : int
         Layers to add around them, also across edges and corners.
@@ -107,21 +107,21 @@ def grow_cells(kept: Bools, margin: int, fill: bool) -> Bools:
     Returns
     -------
     (nz, ny, nx) bool
-        Hexahedra of the cage, in the shape of `kept`.
+        Hexahedra of the cage, in the shape of `cells`.
     """
     from scipy import ndimage  # imported here: it takes a tenth of a second
 
     if margin:
-        kept = ndimage.binary_dilation(kept, np.ones((3, 3, 3)), iterations=margin)
-    return ndimage.binary_fill_holes(kept) if fill else kept
+        cells = ndimage.binary_dilation(cells, np.ones((3, 3, 3)), iterations=margin)
+    return ndimage.binary_fill_holes(cells) if fill else cells
 
 
-def count_pieces(kept: Bools) -> tuple[list[int], int]:
+def count_pieces(cells: Bools) -> tuple[list[int], int]:
     """Count the connected pieces of a cage, by faces and by any contact.
 
     Parameters
     ----------
-    kept : (nz, ny, nx) bool
+    cells : (nz, ny, nx) bool
         The cage.
 
     Returns
@@ -134,7 +134,7 @@ def count_pieces(kept: Bools) -> tuple[list[int], int]:
     """
     from scipy import ndimage  # imported here: it takes a tenth of a second
 
-    labels, _ = ndimage.label(kept)
+    labels, _ = ndimage.label(cells)
     sizes = np.sort(np.bincount(labels.ravel())[1:])[::-1]
-    _, loose = ndimage.label(kept, np.ones((3, 3, 3)))
+    _, loose = ndimage.label(cells, np.ones((3, 3, 3)))
     return sizes.tolist(), int(loose)

@@ -90,24 +90,26 @@ def fill_surface(points: Floats, triangles: Ints, edge_length: float) -> Mesh:
     def make() -> dict[str, NDArray[Any]]:
         # Scale to unit size at the origin: fTetWild has relative tolerances and float32 files.
         middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-        made = _run_tetwild(
+        mesh_arrays = _run_tetwild(
             points=(points - middle) / size,
             triangles=triangles.astype(np.int32),
             edge_length=np.float64(edge_length / size),
             epsilon=np.float64(EPSILON),
         )
-        if len(made["tetrahedra"]) == 0:
+        if len(mesh_arrays["tetrahedra"]) == 0:
             raise GeometryError("the surface encloses no volume", cure=_CURE)
         return {
-            "vertices": made["vertices"].astype(np.float64) * size + middle,
-            "tetrahedra": made["tetrahedra"].astype(np.int64),
+            "vertices": mesh_arrays["vertices"].astype(np.float64) * size + middle,
+            "tetrahedra": mesh_arrays["tetrahedra"].astype(np.int64),
         }
 
     mesh = load_or_make(make, points, triangles, edge_length, EPSILON, version("pytetwild"))
     return mesh["vertices"], mesh["tetrahedra"]
 
 
-def load_or_make(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[str, NDArray[Any]]:
+def load_or_make(
+    make: Callable[[], dict[str, NDArray[Any]]], *inputs: Any
+) -> dict[str, NDArray[Any]]:
     """Load a mesh from the cache, or make and store it.
 
     Parameters
@@ -123,8 +125,8 @@ def load_or_make(make: Callable[[], dict[str, NDArray[Any]]], *of: Any) -> dict[
         The arrays of the mesh.
     """
     digest = hashlib.sha256()
-    settings = tuple(part for part in of if not isinstance(part, np.ndarray))
-    arrays = [part.tobytes() for part in of if isinstance(part, np.ndarray)]
+    settings = tuple(part for part in inputs if not isinstance(part, np.ndarray))
+    arrays = [part.tobytes() for part in inputs if isinstance(part, np.ndarray)]
     for text in (*arrays, repr(settings).encode()):
         digest.update(hashlib.sha256(text).digest())
     key = f"tetwild-{digest.hexdigest()[:40]}"
@@ -152,8 +154,8 @@ def _run_tetwild(**surface: Any) -> dict[str, NDArray[Any]]:
         np.savez(folder / "surface.npz", **surface)
         done = run_process([sys.executable, "-c", _PROGRAM], folder)
         if done.returncode or not (folder / "mesh.npz").is_file():
-            said = done.stderr.strip().splitlines()
-            reason = said[-1][:200] if said else f"its process ended with code {done.returncode}"
+            lines = done.stderr.strip().splitlines()
+            reason = lines[-1][:200] if lines else f"its process ended with code {done.returncode}"
             raise GeometryError(f"fTetWild failed: {reason}", cure=_CURE)
         with np.load(folder / "mesh.npz", allow_pickle=False) as mesh:
             return dict(mesh)

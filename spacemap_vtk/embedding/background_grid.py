@@ -84,7 +84,7 @@ class BackgroundGrid:
         planes = self._frames.planes(self._low, 1.0 / self._per_length)
         found: list[Any] = [None] * len(blocks)
 
-        def do(job: tuple[int, slice]) -> None:
+        def fill_block(job: tuple[int, slice]) -> None:
             number, block = job
             row, place = self._rows(first[block], extent[block])
             which = usable[block][place]
@@ -97,7 +97,7 @@ class BackgroundGrid:
             cells += np.arange(len(cells))
             found[number] = cells.astype(np.int32), np.repeat(which, counts).astype(np.int32)
 
-        for_each(blocks, lambda: do, self._threads)
+        for_each(blocks, lambda: fill_block, self._threads)
         cells, tetrahedra = (np.concatenate(part) for part in zip(*found, strict=True))
         from scipy.sparse import coo_matrix  # imported here: it takes a tenth of a second
 

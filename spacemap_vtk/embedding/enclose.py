@@ -64,14 +64,16 @@ def enclose_points(points: Floats, vertices: Floats, tetrahedra: AnyInts, reach:
             break
         corners, weights, gaps = corners[near], weights[near], gaps[near, None]
         # A vertex at a side of the box cannot move further, so the others must move instead.
-        gone = np.clip(vertices[corners] + gaps, low[corners], high[corners]) - vertices[corners]
-        weights = weights * (gone * gaps).sum(axis=2) / (gaps**2).sum(axis=2)
+        reachable = (
+            np.clip(vertices[corners] + gaps, low[corners], high[corners]) - vertices[corners]
+        )
+        weights = weights * (reachable * gaps).sum(axis=2) / (gaps**2).sum(axis=2)
         most = np.maximum((weights**2).sum(axis=1), weights.max(axis=1) / _MOST)
         most[most == 0.0] = 1.0
-        asked = (weights / most[:, None])[:, :, None] * gaps
-        order = np.argsort((asked**2).sum(axis=2).ravel())  # the largest move is written last
+        required = (weights / most[:, None])[:, :, None] * gaps
+        order = np.argsort((required**2).sum(axis=2).ravel())  # the largest move is written last
         moves = np.zeros_like(vertices)
-        moves[corners.ravel()[order]] = share * asked.reshape(-1, 3)[order]
+        moves[corners.ravel()[order]] = share * required.reshape(-1, 3)[order]
         moves = np.clip(vertices + moves, low, high) - vertices
         while (bad := tetrahedron_volumes(vertices + moves, tetrahedra) < _LEAST * volumes).any():
             moves[np.unique(tetrahedra[bad])] *= 0.5

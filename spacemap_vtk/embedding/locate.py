@@ -127,7 +127,7 @@ def locate(
     tetrahedron = np.empty(len(places), dtype=np.int32)
     weights = np.empty((len(places) if weighted else 0, 4))
 
-    def part(which: slice | NDArray[np.intp]) -> Floats:
+    def coordinates(which: slice | NDArray[np.intp]) -> Floats:
         return np.asarray(places[which], np.float64)  # block by block: a full copy would be large
 
     pattern = recognise_lattice(nodes, cells)
@@ -135,7 +135,7 @@ def locate(
     if pattern is not None:
 
         def calculate(block: slice) -> None:
-            some = part(block)
+            some = coordinates(block)
             rows = weights[block] if weighted else np.empty((len(some), 4))
             pattern.find(some, epsilon, tetrahedron[block], rows)
 
@@ -149,10 +149,10 @@ def locate(
 
     def search(some: slice) -> None:
         block = some if left is None else left[some]
-        tetrahedron[block] = found = grid.find(part(block))
+        tetrahedron[block] = found = grid.find(coordinates(block))
         if weighted:
             # Points outside get weights of any tetrahedron here, and the right ones below.
-            weights[block] = frames.weights(part(block), np.maximum(found, 0))
+            weights[block] = frames.weights(coordinates(block), np.maximum(found, 0))
 
     count = len(places) if left is None else len(left)
     for_each(blocks(count, _BLOCK), lambda: search, threads)
@@ -163,10 +163,10 @@ def locate(
 
         def measure(block: slice) -> None:
             which = missed[block]
-            owner, clamped, far = nearest.find(part(which))
+            owner, clamped, far = nearest.find(coordinates(which))
             tetrahedron[which], distance[block] = owner, far
             if weighted:
-                extrapolated = frames.weights(part(which), owner)
+                extrapolated = frames.weights(coordinates(which), owner)
                 clamp = (outside == "clamp") & (far > frames.distance)
                 weights[which] = np.where(clamp[:, None], clamped, extrapolated)
 

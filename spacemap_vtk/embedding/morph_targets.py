@@ -64,16 +64,16 @@ def find_morph_targets(displacements: NDArray[np.floating], tolerance: float) ->
     left = few.reshape(count, -1).astype(np.float64)
     # The reduced form serves both shapes of matrix: many times of few points, or the reverse.
     times = np.linalg.svd(left, full_matrices=False)[0]
-    taken, error = 0, _largest_distance(left, parts)
-    while error > tolerance and taken < times.shape[1]:
-        left -= np.outer(times[:, taken], times[:, taken] @ left)
-        taken, error = taken + 1, _largest_distance(left, parts)
-    weights = times[:, :taken]
-    shapes = np.empty((taken, points, parts))
+    count_used, error = 0, _largest_distance(left, parts)
+    while error > tolerance and count_used < times.shape[1]:
+        left -= np.outer(times[:, count_used], times[:, count_used] @ left)
+        count_used, error = count_used + 1, _largest_distance(left, parts)
+    weights = times[:, :count_used]
+    shapes = np.empty((count_used, points, parts))
     for some in blocks(points, _PART):  # in blocks: all in double precision would not fit
         part = displacements[:, some].reshape(count, -1)
         made = weights.T @ part.astype(np.float64)
-        shapes[:, some] = made.reshape(taken, part.shape[1] // parts, parts)
+        shapes[:, some] = made.reshape(count_used, part.shape[1] // parts, parts)
     peaks = np.abs(weights).max(axis=0, initial=0.0)
     # If nothing moves, there may be terms that are zero.
     kept = (peaks > 0.0) & shapes.any(axis=(1, 2))

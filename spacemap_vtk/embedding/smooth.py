@@ -103,21 +103,23 @@ class SmoothInterpolation(EmbeddedPoints):
         some = ways(order[:1], vertices[cells[tetrahedron[order[:1]]]])
         result = np.empty((1 if some is None else 1 + len(some), len(order), 16))
 
-        def fill(some: slice) -> None:
+        def fill_block(some: slice) -> None:
             block = order[some]
             here, which = np.unique(tetrahedron[block], return_inverse=True)
             row = np.searchsorted(good, here)
             corners = vertices[cells[here]]
             table = control_factors(corners, centres[row], faces[row])
-            asked = ways(block, corners[which])
-            found = point_factors(self._foot[block], which, table, centres[row], faces[row], asked)
+            directions = ways(block, corners[which])
+            found = point_factors(
+                self._foot[block], which, table, centres[row], faces[row], directions
+            )
             edges = (corners[:, None] - corners[:, :, None])[which]  # from, to, axis
             slopes = found[:, :, 4:].reshape(len(found), -1, 4, 4)
             result[:, block, :4] = found[:, :, :4]
             products = np.matmul(slopes[:, :, :, None], edges)
             result[:, block, 4:] = products.reshape(len(found), -1, 12)
 
-        for_each(blocks(len(order), _BLOCK), lambda: fill)
+        for_each(blocks(len(order), _BLOCK), lambda: fill_block)
         return result
 
     def displace(self, points: Points, displacement: ArrayLike) -> tuple[Points, Points]:

@@ -125,7 +125,7 @@ def control_factors(corners: Floats, centres: Floats, faces: Floats) -> Floats:
         total[:, 4 + 5 * j] = 0.0
         return total
 
-    def mixed(parts: dict[int, Floats], at: Floats) -> Floats:
+    def average(parts: dict[int, Floats], at: Floats) -> Floats:
         """Average coefficients with barycentric weights."""
         total = np.zeros((count, NUMBERS))
         for vertex, value in parts.items():
@@ -144,7 +144,7 @@ def control_factors(corners: Floats, centres: Floats, faces: Floats) -> Floats:
         along = 1.5 * (unit[k] - unit[j]) - 0.25 * (slope(j, k) - slope(k, j))
         across[j, k] = per, along - 0.5 * (slope(j, k) - slope(k, j))
 
-    def at_middle(j: int, k: int, begin: Floats, end: Floats) -> Floats:
+    def edge_derivative(j: int, k: int, begin: Floats, end: Floats) -> Floats:
         """Compute the derivative at the middle of edge jk in the direction between two points."""
         j, k = min(j, k), max(j, k)
         mean = 0.5 * (toward(j, end) - toward(j, begin) + toward(k, end) - toward(k, begin))
@@ -164,19 +164,19 @@ def control_factors(corners: Floats, centres: Floats, faces: Floats) -> Floats:
             middle[:, [j, k]] = 0.5
             edge = get(0, [j, j, j]) + get(0, [k, k, k])
             edge = edge + 3.0 * (get(0, [j, j, k]) + get(0, [j, k, k]))
-            inward = at_middle(j, k, middle, split)
+            inward = edge_derivative(j, k, middle, split)
             both = get(i, ["s", j, j]) + get(i, ["s", k, k])
             put(i, ["s", j, k], 2.0 / 3.0 * inward + 0.25 * edge - 0.5 * both)
-            across_face[j, k] = across_face[k, j] = at_middle(j, k, split, centres)
+            across_face[j, k] = across_face[k, j] = edge_derivative(j, k, split, centres)
         for j in on_face:
-            put(i, ["s", "s", j], mixed({m: get(i, ["s", j, m]) for m in on_face}, split))
-        put(i, ["s"] * 3, mixed({m: get(i, ["s", "s", m]) for m in on_face}, split))
+            put(i, ["s", "s", j], average({m: get(i, ["s", j, m]) for m in on_face}, split))
+        put(i, ["s"] * 3, average({m: get(i, ["s", "s", m]) for m in on_face}, split))
         # The derivative towards the incentre is one quadratic on the whole face.
         quadratic = {(j, j): toward(j, centres) - toward(j, split) for j in on_face}
         for (j, k), there in across_face.items():
             quadratic[j, k] = 2.0 * there - 0.5 * (quadratic[j, j] + quadratic[k, k])
-        once = {j: mixed({m: quadratic[j, m] for m in on_face}, split) for j in on_face}
-        twice = mixed(once, split)
+        once = {j: average({m: quadratic[j, m] for m in on_face}, split) for j in on_face}
+        twice = average(once, split)
         for a, j in enumerate(on_face):
             for k in on_face[a:]:
                 put(i, ["c", j, k], get(i, ["s", j, k]) + quadratic[j, k] / 3.0)
@@ -194,8 +194,8 @@ def control_factors(corners: Floats, centres: Floats, faces: Floats) -> Floats:
         put(0, ["c", "c", j], value / to_c[:, None])
     affine = {j: get(0, ["c", "c", j]) for j in range(4)}
     for i in range(4):
-        put(i, ["c", "c", "s"], mixed(affine, faces[:, i]))
-    put(0, ["c"] * 3, mixed(affine, centres))
+        put(i, ["c", "c", "s"], average(affine, faces[:, i]))
+    put(0, ["c"] * 3, average(affine, centres))
     return result
 
 
@@ -220,7 +220,7 @@ def point_factors(
     corner = ratio.argmin(axis=1)
     others = _OTHERS[face, corner]
 
-    def local(coordinates: Floats) -> Floats:
+    def to_local(coordinates: Floats) -> Floats:
         """Convert to coordinates in the piece: of the incentre, split point and two corners."""
         inner = coordinates[everyone, face] / centre[everyone, face]
         left = coordinates - inner[:, None] * centre
@@ -228,9 +228,9 @@ def point_factors(
         left -= side[:, None] * split
         return np.stack((inner, side, left[everyone, others[:, 0]], left[everyone, others[:, 1]]))
 
-    place = local(weights)
+    place = to_local(weights)
     powers = np.stack((np.ones_like(place), place, place**2, place**3))  # exponent, part, point
-    along = [local(way) for way in (() if ways is None else ways)]
+    along = [to_local(way) for way in (() if ways is None else ways)]
     terms = np.zeros((len(weights), 1 + len(along), 20))
     for at, (factor, exponents) in enumerate(zip(_FACTORS, _EXPONENTS, strict=True)):
         parts = [powers[e, part] for part, e in enumerate(exponents)]

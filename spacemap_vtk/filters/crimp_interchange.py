@@ -87,8 +87,8 @@ class CrimpInterchange(YarnParameters, Stage):
         output.ShallowCopy(inputs[0])
         if self.piece.total > 1 and inputs[0].GetNumberOfPoints() == 0:
             return  # this process has no points
-        lent = self._borrowed
-        whole, part = lent or (self._crossings(*inputs), ALL_YARNS)
+        borrowed = self._borrowed
+        whole, part = borrowed or (self._crossings(*inputs), ALL_YARNS)
         kept = self._prepare(inputs[0], inputs[1])
         field = array_of(inputs[1].GetPointData(), "displacement", "CrimpInterchange, on port 1,")
         state, stretch = whole.solve(field).crop(part)
@@ -114,7 +114,7 @@ class CrimpInterchange(YarnParameters, Stage):
             if len(values) == 1:
                 values = np.concatenate([values, values])
             add_array(output.GetCellData(), name, values.ravel()[kept.geometry.crossing])
-        if lent is None:
+        if borrowed is None:
             self._warn_about(state, stretch, whole.crimp)
 
     def crossing_values(
@@ -145,9 +145,9 @@ class CrimpInterchange(YarnParameters, Stage):
         """
         whole = self._crossings(weave, cage)
         field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
-        now = whole.solve(field)
-        self._warn_about(*now, whole.crimp)
-        return _crossing_values(name, now.state, whole.tension)
+        current = whole.solve(field)
+        self._warn_about(*current, whole.crimp)
+        return _crossing_values(name, current.state, whole.tension)
 
     def use_crossings_of(
         self, whole: CrimpInterchange | None, part: YarnSelection = ALL_YARNS
@@ -161,11 +161,11 @@ class CrimpInterchange(YarnParameters, Stage):
         part : YarnSelection, optional
             Slices of the yarns whose crossings the input has.
         """
-        lent = None
+        borrowed = None
         if whole is not None and whole._cloth_crossings is not None:
-            lent = whole._cloth_crossings, part
-        if self._borrowed != lent:
-            self._borrowed = lent
+            borrowed = whole._cloth_crossings, part
+        if self._borrowed != borrowed:
+            self._borrowed = borrowed
             self.Modified()
 
     def _warn_about(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
@@ -342,8 +342,8 @@ class _ClothCrossings:
             # `compute` gives unit vectors along x (weft), then y (warp); here warp comes first.
             found = [slopes.compute(field)[::-1] for slopes in self._slopes]
             stretch = [np.sqrt(np.einsum("anc,anc->an", two, two)) for two in found]
-            asked = np.concatenate(stretch, axis=1).reshape(self._shape)
-            self._last = field.copy(), _CrossingState(self._interchange.solve(asked), asked)
+            stretches = np.concatenate(stretch, axis=1).reshape(self._shape)
+            self._last = field.copy(), _CrossingState(self._interchange.solve(stretches), stretches)
         return self._last[1]
 
 

@@ -171,10 +171,17 @@ class TetraCage(Stage):
             raise GeometryError("there is nothing to enclose: the input has no points")
         # Asking the stages above for the whole object would also give the whole to their other
         # consumers. A cloth, however, is known from any of its pieces.
-        apart, wild = self.piece.total > 1 and self._processes is None, self.method == "tetwild"
-        by_yarns = apart and (self.inflate > 0.0 if wild else self.method == "carved")
+        apart, is_tetwild = (
+            self.piece.total > 1 and self._processes is None,
+            self.method == "tetwild",
+        )
+        by_yarns = apart and (self.inflate > 0.0 if is_tetwild else self.method == "carved")
         cloth = cloth_of(data) if by_yarns else None
-        if self.piece.total > 1 and cloth is None and (wild or (apart and self.method == "carved")):
+        if (
+            self.piece.total > 1
+            and cloth is None
+            and (is_tetwild or (apart and self.method == "carved"))
+        ):
             raise InputError(
                 f"a cage of this method needs the whole object, but this process has only piece "
                 f"{self.piece.number} of {self.piece.total}",
@@ -183,7 +190,7 @@ class TetraCage(Stage):
                 cure='Write the cage of the whole object to a file, and use method = "file".',
             )
         vertices, tetrahedra = (
-            self._make_tetwild(data, cloth) if wild else self._make_lattice(data, cloth)
+            self._make_tetwild(data, cloth) if is_tetwild else self._make_lattice(data, cloth)
         )
         cell_type = VTK_TETRA
         if self.order == 2:

@@ -54,8 +54,8 @@ def declare_both(declared: _P) -> tuple[_P, _P]:
             made.component = copy(made.component)
             parts.append(made.component)
         for part in parts:
-            said = {key: text for key, text in vars(part).items() if isinstance(text, str)}
-            vars(part).update({key: text.format(**words) for key, text in said.items()})
+            texts = {key: text for key, text in vars(part).items() if isinstance(text, str)}
+            vars(part).update({key: text.format(**words) for key, text in texts.items()})
     return warp, weft
 
 

@@ -88,14 +88,14 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         key = (*self.settings.values(), *self._draft_state)
         if self._resolved is None or self._resolved[0] != key:
             try:
-                source, asked = self.source, self.request
+                source, request = self.source, self.request
             except InputError as error:
                 if isinstance(error.value, float) and error.key in self.parameters:
                     error.value = self.parameter(error.key).format(error.value)  # with its unit
                 raise
-            ends, picks = asked.ends or source.size[0], asked.picks or source.size[1]
+            ends, picks = request.ends or source.size[0], request.picks or source.size[1]
             self._require(_CROSSING_BYTES * ends * picks, ends, picks)
-            self._resolved = key, resolve(source, asked, parameter_name)
+            self._resolved = key, resolve(source, request, parameter_name)
         return self._resolved[1]
 
     @property
@@ -227,10 +227,10 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         _ = self.counts
         cloth, numbers = self.cloth, np.arange(sum(self.cloth.size), dtype=np.int32)
         if self._part is not None:
-            (ends, picks), made_of = self._part
+            (ends, picks), part_cloth = self._part
             of_picks = numbers[cloth.size[0] :]
             numbers = np.concatenate([numbers[: cloth.size[0]][ends], of_picks[picks]])
-            cloth = made_of
+            cloth = part_cloth
         for text in cloth.warnings:
             if not isinstance(text, InfoMessage):
                 self.warn(text)

@@ -114,12 +114,14 @@ def compute_stretch_map(crossings: Interchange) -> StretchMap:
     """
     state = crossings.solve(np.ones((2, *crossings.shape)))
     crimp = state.crimp.max(axis=(1, 2))
-    share, some, most = _RANGE_ABOVE
-    high = 1.0 + crimp + np.clip(share * crimp, some, most)
+    share, least, most = _RANGE_ABOVE
+    high = 1.0 + crimp + np.clip(share * crimp, least, most)
     side = int(np.clip(np.sqrt(_SOLUTIONS / crossings.kind_count), *_SIDE))
     low = np.empty(2)
     for family in (0, 1):
-        jam = _jam_stretch(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * some
+        jam = (
+            _jam_stretch(crossings, family, np.linspace(0.5, high[1 - family], side)) - 0.5 * least
+        )
         low[family] = max(jam.min(), min(jam.max(), 1.0 - _RANGE_BELOW * (high[family] - 1.0)))
     axes = np.linspace(low, high, side, axis=1)
     found = crossings.resultants(np.stack(np.meshgrid(*axes)).reshape(2, -1))

@@ -304,25 +304,25 @@ def minimise_energy(
         top = jam_height(room, d)
     inside = _JAM_MARGIN * (top[0] + top[1] - d)
     h = np.clip(height, d - top[1] + inside, top[0] - inside)
-    heights, press, at, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST_MOVE * d
+    heights, press, state, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST_MOVE * d
     for _ in range(100):
         now = angle_derivatives(energy, room, length, heights, d, press)
         step, press, first, over = _newton_step(energy.tension, now, d, press, low, high)
-        part = np.ones_like(d) if at is None else np.minimum(3.0 * at.part, 1.0)
-        to = _NewtonState(
+        part = np.ones_like(d) if state is None else np.minimum(3.0 * state.part, 1.0)
+        trial = _NewtonState(
             heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves
         )
-        if at is not None:
-            worse = np.flatnonzero(~(to.value <= at.value * (1.0 + 1e-12) + noise))
+        if state is not None:
+            worse = np.flatnonzero(~(trial.value <= state.value * (1.0 + 1e-12) + noise))
             if len(worse):
-                for new, old in zip(to, at, strict=True):
+                for new, old in zip(trial, state, strict=True):
                     new[..., worse] = old[..., worse]
                 part[worse] /= 3.0
-        at = to
-        heights, d, top = _apply_step(room, at, low, high)
-        moves = np.maximum(np.abs(heights[0] - at.heights[0]), np.abs(d - at.distance))
+        state = trial
+        heights, d, top = _apply_step(room, state, low, high)
+        moves = np.maximum(np.abs(heights[0] - state.heights[0]), np.abs(d - state.distance))
         # Steps that keep shrinking at the rate of this one would move less than the tolerance.
-        done = (moves * moves <= _TOLERANCE * d * at.moves) & (part > 0.9)
+        done = (moves * moves <= _TOLERANCE * d * state.moves) & (part > 0.9)
         done &= np.maximum(np.abs(step[0]), np.abs(step[1])) < _ANGLE_TOLERANCE
         # The step must not make a taut yarn slack.
         done &= ((now.over <= 0.0) | (over > -_EQUAL * d)).all(axis=0)
@@ -333,7 +333,7 @@ def minimise_energy(
             on = np.flatnonzero(~done)
             if not len(on):
                 return result[0], result[1]
-            energy, at = select_crossings(energy, on), select_crossings(at, on)
+            energy, state = select_crossings(energy, on), select_crossings(state, on)
             live = live[on]
             room, length, heights, top, d, low, high, press, moves, noise = (
                 one.take(on, axis=-1)
@@ -446,19 +446,19 @@ def _positive_matrix(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, F
 
 
 def _apply_step(
-    room: Floats, at: _NewtonState, low: Floats, high: Floats
+    room: Floats, state: _NewtonState, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Compute heights, D and jam heights after a step; D and the leading angle decide."""
-    step = at.part * at.step
-    d = at.distance + at.turn[0] * step[0] + at.turn[1] * step[1]
+    step = state.part * state.step
+    d = state.distance + state.turn[0] * step[0] + state.turn[1] * step[1]
     d = np.minimum(np.maximum(d, low), high)
     top = jam_height(room, d)
-    most = top - _JAM_MARGIN * np.maximum(at.top - at.heights, 0.0)
-    p, t, half = (np.where(at.first, one[0], one[1]) for one in (room, at.half, 0.5 * step))
+    most = top - _JAM_MARGIN * np.maximum(state.top - state.heights, 0.0)
+    p, t, half = (np.where(state.first, one[0], one[1]) for one in (room, state.half, 0.5 * step))
     few, many = np.minimum(p, d), np.maximum(p, d)
     last = few / (many + np.sqrt((many - few) * (many + few)))
     t = np.minimum(np.maximum((t + half) / (1.0 - t * half), 0.0), np.minimum(last, 1.0 - 1e-9))
     h = 2.0 * t * (p - d * t) / (1.0 - t * t)
-    h = np.where(at.first, h, d - h)
+    h = np.where(state.first, h, d - h)
     h = np.minimum(np.maximum(np.minimum(h, most[0]), np.maximum(d - most[1], 0.0)), d)
     return np.stack([h, d - h]), d, top

@@ -55,9 +55,9 @@ class CrimpGeometry:
     ((64, 3), True)
     """
 
-    def __init__(self, cloth: Cloth, share: YarnSelection = ALL_YARNS) -> None:
+    def __init__(self, cloth: Cloth, selection: YarnSelection = ALL_YARNS) -> None:
         cloth.check()
-        self.cloth, self.share, self._recycler = cloth, share, ArrayPool()
+        self.cloth, self.share, self._recycler = cloth, selection, ArrayPool()
         self._families: list[_Family] = []
         rings = points = 0
         for number in range(2):
@@ -348,7 +348,7 @@ def _write_tube_points(
     spread = family.spread.astype(out.dtype)
     block = max(1, BLAS_SERIAL // spread.size)
 
-    def do(begin: int) -> None:
+    def write_block(begin: int) -> None:
         here = slice(begin, begin + block)
         e, n = frame[0][here], frame[1][here]
         t = e / np.sqrt(np.einsum("rc,rc->r", e, e))[:, None]
@@ -365,7 +365,7 @@ def _write_tube_points(
         points = out[first + begin * size : first + (begin + len(e)) * size]
         np.matmul(made.reshape(-1, 9), spread, out=points.reshape(len(e), 3 * size))
 
-    for_each(range(0, len(shift), block), lambda: do)
+    for_each(range(0, len(shift), block), lambda: write_block)
 
 
 def _yarn_rows(table: Floats, number: int, share: YarnSelection) -> Floats:

@@ -102,16 +102,16 @@ def build_crossings(
     along = _mean_spacing_around(weft.spacing, cloth.families[0].crossed)
     across = _mean_spacing_around(warp.spacing, cloth.families[1].crossed)
 
-    def each(of_picks: ArrayLike, of_ends: ArrayLike) -> Floats:
+    def spread(of_picks: ArrayLike, of_ends: ArrayLike) -> Floats:
         """Spread values of picks (for the warp) and ends (for the weft) over all crossings."""
         result = np.empty(shape)
         result[0], result[1] = np.asarray(of_picks)[:, None], of_ends
         return result
 
-    spacing = each(along, across)
+    spacing = spread(along, across)
     # Where thick yarns lie among thin ones, a crossing that is repeated may be tighter than any
     # gap of the cloth.
-    flat = np.minimum(each(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
+    flat = np.minimum(spread(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
     share, float_ = np.empty((2, *shape))
     share[0], share[1] = (
         _floats_per_change(cloth.drawdown),

@@ -184,12 +184,12 @@ class Interchange:
         CrimpState
             Continuous in the stretch, and finite for every finite stretch.
         """
-        cells, asked, back = self._distinct_crossings(stretch)
+        cells, stretches, back = self._distinct_crossings(stretch)
         found = []
-        for begin in range(0, asked.shape[1], _BLOCK):
+        for begin in range(0, stretches.shape[1], _BLOCK):
             cancel.check()
-            here = np.arange(begin, min(begin + _BLOCK, asked.shape[1]))
-            found.append(self._solve_block(select_crossings(cells, here), asked[:, here]))
+            here = np.arange(begin, min(begin + _BLOCK, stretches.shape[1]))
+            found.append(self._solve_block(select_crossings(cells, here), stretches[:, here]))
         *fields, grown, slack = (
             self._arrange(np.concatenate(parts, axis=-1), back)
             for parts in zip(*found, strict=True)
@@ -240,11 +240,11 @@ class Interchange:
         Resultants
             One entry for each stretch.
         """
-        asked = np.asarray(stretch, np.float64)
+        stretches = np.asarray(stretch, np.float64)
         first, back = self._kinds
-        shape = 2, len(first), asked.shape[1]
-        cells = select_crossings(self._crossings, np.repeat(first, asked.shape[1]))
-        held, h, d = self._solve_heights(cells, np.tile(asked, len(first)))
+        shape = 2, len(first), stretches.shape[1]
+        cells = select_crossings(self._crossings, np.repeat(first, stretches.shape[1]))
+        held, h, d = self._solve_heights(cells, np.tile(stretches, len(first)))
         room, length = cells.room_and_length(held)
         over = (solve_gaps(room, np.stack([h, d - h]), d).length - length) / cells.full_length
         over = np.where(cells.is_straight, held - 1.0, over)
@@ -303,18 +303,18 @@ class Interchange:
 
     def _distinct_crossings(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
         """Return distinct crossings, their stretches, and which of them each crossing is."""
-        asked = np.asarray(stretch, np.float64)
-        if asked.shape != (2, *self.shape):
+        stretches = np.asarray(stretch, np.float64)
+        if stretches.shape != (2, *self.shape):
             raise InputError(
-                f"the array has shape {asked.shape}",
+                f"the array has shape {stretches.shape}",
                 key="stretch",
                 allowed=f"(2, {self.shape[0]}, {self.shape[1]})",
             )
-        asked = asked.reshape(2, -1)
-        if np.ptp(asked, axis=1).max() <= 1e-14:
+        stretches = stretches.reshape(2, -1)
+        if np.ptp(stretches, axis=1).max() <= 1e-14:
             first, back = self._kinds
-            return select_crossings(self._crossings, first), asked[:, first], back
-        return self._crossings, asked, slice(None)
+            return select_crossings(self._crossings, first), stretches[:, first], back
+        return self._crossings, stretches, slice(None)
 
     def _arrange(self, array: NDArray[Any], back: Ints | slice) -> NDArray[Any]:
         """Arrange values of crossings as in the cloth."""
@@ -380,14 +380,14 @@ class Interchange:
         if self._stretches and self._hinged:
             return held, *minimise_energy(cells.energy(True), room, length, h, d, floor, full)
 
-        def settle(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
+        def settle_heights(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
             chosen = np.flatnonzero(which)
             if len(chosen):
                 mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
                 h[chosen], d[chosen] = minimise_energy(select_crossings(energy, chosen), *mine)
 
         h = np.where(slack, bent, h)
-        settle(slack, cells.bending_energy(), full, full)
+        settle_heights(slack, cells.bending_energy(), full, full)
         h = np.where(slack, np.clip(h, *between), h)
         pulled = ~slack
         if not self._stretches or self._contact == 0.0:
@@ -398,9 +398,9 @@ class Interchange:
             both = heights[0] + heights[1]
             d[flat] = np.clip(both, floor[flat], full[flat])
             h[flat] = heights[0] * d[flat] / both
-            settle(pulled & (d <= floor), cells.energy(False), floor, floor)
+            settle_heights(pulled & (d <= floor), cells.energy(False), floor, floor)
         else:
-            settle(pulled, cells.energy(False), floor, full)
+            settle_heights(pulled, cells.energy(False), floor, full)
         return held, h, d
 
 

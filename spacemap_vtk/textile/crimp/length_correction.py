@@ -65,10 +65,10 @@ class LengthCorrection:
             length = self._solve_gaps(number, rest, crossed.spacing - flat).length.sum(axis=1)
             self._families[number] = self._families[number]._replace(length=length)
 
-    def correct_heights(self, height: Floats, floor: Floats, said: CrossingResults) -> Floats:
+    def correct_heights(self, height: Floats, floor: Floats, results: CrossingResults) -> Floats:
         """Correct heights so that yarns have the given lengths; `floor` is their least sum."""
         height = height.copy()
-        taut = np.where(self._loose, 0.0, np.clip(1.0 - said.slack / _SLACK_LIMIT, 0.0, 1.0))
+        taut = np.where(self._loose, 0.0, np.clip(1.0 - results.slack / _SLACK_LIMIT, 0.0, 1.0))
         # A yarn is as taut as its slackest crossing.
         taut[0], taut[1] = taut[0].min(axis=0), taut[1].min(axis=1)[:, None]
         gives = 1.1 - taut
@@ -76,13 +76,16 @@ class LengthCorrection:
         rooms: list[Floats] = []
         goals: list[Floats] = []
         for number, family in enumerate(self._families):
-            wider = family.spacing * (_average_neighbours(_yarn_rows(said.stretch, number)) - 1.0)
+            wider = family.spacing * (
+                _average_neighbours(_yarn_rows(results.stretch, number)) - 1.0
+            )
             grown = np.where(
-                family.changes, _average_neighbours(_yarn_rows(said.lengthening, number)), wider
+                family.changes, _average_neighbours(_yarn_rows(results.lengthening, number)), wider
             )
             goals.append(family.length + grown.sum(axis=1))
             rooms.append(
-                family.spacing * _average_neighbours(_yarn_rows(said.stretch, number)) - family.flat
+                family.spacing * _average_neighbours(_yarn_rows(results.stretch, number))
+                - family.flat
             )
         moved = [np.zeros_like(goal) for goal in goals]
         for _ in range(_STEPS):

@@ -152,8 +152,8 @@ def normalise_name(text: str) -> str:
     """
     name, counts, word = _parse_name(text)
     _build(name, counts, word)  # refuse names of weaves that cannot be woven
-    usual = _WEAVES[name].words[:1]
-    parts = [name, "/".join(map(str, counts)), "" if word in usual else word]
+    default = _WEAVES[name].words[:1]
+    parts = [name, "/".join(map(str, counts)), "" if word in default else word]
     return " ".join(part for part in parts if part)
 
 

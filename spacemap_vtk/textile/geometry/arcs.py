@@ -72,7 +72,7 @@ def build_gaps(
     height: Floats,
     overhang: float,
     stretch: Floats | None = None,
-    kept: Bools | None = None,
+    bends: Bools | None = None,
 ) -> Gaps:
     """Build the gaps of yarns from values at their crossings, (yarns, crossings)."""
     # Flats, and yarns past their last crossing, keep their length when space is stretched.
@@ -108,19 +108,19 @@ def build_gaps(
         arc=np.pad(arc, ((0, 0), (1, 1)), mode="edge"),
         stretch=np.concatenate([size[:, :1], between, size[:, -1:]], axis=1),
     )
-    if kept is None:
+    if bends is None:
         return gaps
-    flats = height.shape[1] // kept.shape[1]
-    return _remove_bounds(gaps, np.repeat(kept, flats, axis=1))
+    flats = height.shape[1] // bends.shape[1]
+    return _remove_bounds(gaps, np.repeat(bends, flats, axis=1))
 
 
-def _remove_bounds(gaps: Gaps, kept: Bools) -> Gaps:
+def _remove_bounds(gaps: Gaps, bends: Bools) -> Gaps:
     """Remove the bounds that are not kept; shorter rows end in gaps of zero length."""
-    kept = np.pad(kept, ((0, 0), (1, 1)), constant_values=True)
-    count = kept.sum(axis=1, keepdims=True)
+    bends = np.pad(bends, ((0, 0), (1, 1)), constant_values=True)
+    count = bends.sum(axis=1, keepdims=True)
     column = np.arange(count.max(initial=2))
-    order = np.argsort(~kept, axis=1, kind="stable")[:, : len(column)]
-    order = np.where(column < count, order, kept.shape[1] - 1)
+    order = np.argsort(~bends, axis=1, kind="stable")[:, : len(column)]
+    order = np.where(column < count, order, bends.shape[1] - 1)
     # Past its first and last crossing a yarn keeps the height that it has there.
     level = np.take_along_axis(order, np.clip(column, 1, count - 2), axis=1)
     bounds = gaps.bounds[0][order]

@@ -28,9 +28,9 @@ class YarnSelection(NamedTuple):
 ALL_YARNS = YarnSelection(slice(None), slice(None))
 
 
-def cloth_axes(cloth: Cloth, share: YarnSelection = ALL_YARNS) -> tuple[Axes, Axes]:
+def cloth_axes(cloth: Cloth, selection: YarnSelection = ALL_YARNS) -> tuple[Axes, Axes]:
     """Compute the axes of warp and weft."""
-    warp, weft = (family_axes(cloth, number, some) for number, some in enumerate(share))
+    warp, weft = (family_axes(cloth, number, some) for number, some in enumerate(selection))
     return warp, weft
 
 
@@ -47,9 +47,9 @@ def family_axes(cloth: Cloth, number: int, some: YarnIndices) -> Axes:
 
 def woven_gaps(cloth: Cloth, number: int, some: YarnIndices = slice(None)) -> Gaps:
     """Compute the gaps of ends (0) or picks (1) as woven, for axes by arcs."""
-    arc, height, kept = cloth.crossing_profile(number, some)
+    arc, height, bends = cloth.crossing_profile(number, some)
     past = cloth.families[number].overhang
-    return build_gaps(cloth.yarns[1 - number], arc, height, past, kept=kept)
+    return build_gaps(cloth.yarns[1 - number], arc, height, past, bends=bends)
 
 
 def sample_axes(cloth: Cloth, samples: int = 8) -> tuple[Floats, NDArray[np.int32]]:

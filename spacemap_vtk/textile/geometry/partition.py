@@ -115,7 +115,7 @@ def crop_cloth(cloth: Cloth, part: YarnSelection) -> Cloth:
     drawdown, layers = cloth.drawdown[part.picks, part.ends], None
     if cloth.layers is not None:
         layers = cloth.layers.crop(part.ends, part.picks)
-    made = replace(
+    cropped = replace(
         cloth,
         drawdown=drawdown,
         warp=warp,
@@ -126,8 +126,8 @@ def crop_cloth(cloth: Cloth, part: YarnSelection) -> Cloth:
         layers=layers,
     )
     if layers is None:
-        return made
-    return replace(made, layer_gap=2.0 * cloth.level - made.sheet_thickness)
+        return cropped
+    return replace(cropped, layer_gap=2.0 * cloth.level - cropped.sheet_thickness)
 
 
 def cloth_bounds(cloth: Cloth) -> Floats:
@@ -238,16 +238,16 @@ def _outermost_yarns(cloth: Cloth, number: int) -> Ints:
     own, upper = cloth.yarns[number], cloth.is_over(number)
     radius = 0.5 * own.diameter
     wide = own.aspect * radius
-    telling = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
+    chosen = {int(np.argmin(own.position - wide)), int(np.argmax(own.position + wide))}
     if cloth.axis == "spline":
-        telling |= set(cloth.yarn_groups[number][0].tolist())
-        return np.array(sorted(telling))
+        chosen |= set(cloth.yarn_groups[number][0].tolist())
+        return np.array(sorted(chosen))
     top, bottom = np.empty(len(upper)), np.empty(len(upper))
     for some in cloth.yarn_blocks(number, len(upper)):
         height = cloth.crossing_profile(number, some).height
         top[some], bottom[some] = height.max(axis=1), height.min(axis=1)
-    telling |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}
-    return np.array(sorted(telling))
+    chosen |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}
+    return np.array(sorted(chosen))
 
 
 def _number_codes(codes: Ints) -> tuple[Ints, Ints]:
@@ -288,8 +288,8 @@ def _number_yarn_kinds(cloth: Cloth, number: int) -> Ints:
     own = cloth.yarns[number]
     apart = np.diff(own.position, prepend=np.nan, append=np.nan)
     thick = np.pad(np.broadcast_to(own.diameter, len(own.position)), 1, mode="edge")
-    told = [thick[:-2], thick[1:-1], thick[2:], apart[:-1], apart[1:]]
+    measures = [thick[:-2], thick[1:-1], thick[2:], apart[:-1], apart[1:]]
     size = float(np.mean(own.diameter))
-    rounded = np.rint(np.nan_to_num(np.stack(told, axis=1)) / (1e-6 * size)).astype(np.int64)
+    rounded = np.rint(np.nan_to_num(np.stack(measures, axis=1)) / (1e-6 * size)).astype(np.int64)
     kinds = np.unique(rounded, axis=0, return_inverse=True)[1]
     return np.asarray(kinds, np.int64).ravel()

@@ -26,8 +26,8 @@ def point_clearances(
     normals: ArrayLike,
     yarn: ArrayLike,
     reach: ArrayLike,
-    asked: Bools | None = None,
-    known: Bools | None = None,
+    measured: Bools | None = None,
+    surface: Bools | None = None,
 ) -> Floats:
     """Compute the distance from each point to the surface of the nearest other yarn.
 
@@ -42,9 +42,9 @@ def point_clearances(
     reach : float or (n,) array_like of float
         Half the distance between neighbouring points of a surface, in m. Within it the surface
         around a point counts as flat, with an error of ``reach**2 / diameter``.
-    asked : (n,) ndarray of bool, optional
+    measured : (n,) ndarray of bool, optional
         Points that get a distance; by default all.
-    known : (n,) ndarray of bool, optional
+    surface : (n,) ndarray of bool, optional
         Points that define the surfaces; by default all. One of several coincident points is enough.
 
     Returns
@@ -65,13 +65,13 @@ def point_clearances(
     around = np.broadcast_to(np.asarray(reach, np.float64), len(place))
     found, farthest = np.full(len(place), np.inf), float(around.max(initial=0.0))
     tied = _TOLERANCE * float(np.abs(place).max(initial=0.0))
-    wanted, there_are = (
-        np.ones(len(place), bool) if some is None else some for some in (asked, known)
+    is_measured, is_surface = (
+        np.ones(len(place), bool) if some is None else some for some in (measured, surface)
     )
 
-    def look_up(mine: Ints, others: Ints) -> None:
+    def update_distances(mine: Ints, others: Ints) -> None:
         """Update the distances of some points to the nearest of some others."""
-        mine, others = mine[wanted[mine]], others[there_are[others]]
+        mine, others = mine[is_measured[mine]], others[is_surface[others]]
         if not len(mine) or not len(others):
             return
         most = float(found[mine].max()) + farthest  # points beyond cannot be nearer
@@ -87,13 +87,13 @@ def point_clearances(
         beyond = np.maximum(along - around[there], 0.0)
         np.minimum.at(found, mine, np.where(beyond > 0.0, np.hypot(across, beyond), across))
 
-    alike = [np.arange(len(place))]
+    groups = [np.arange(len(place))]
     for digit in range(int(number.max(initial=0)).bit_length()):
-        halves = [(g[number[g] >> digit & 1 == 0], g[number[g] >> digit & 1 == 1]) for g in alike]
+        halves = [(g[number[g] >> digit & 1 == 0], g[number[g] >> digit & 1 == 1]) for g in groups]
         for zeros, ones in halves:
-            look_up(zeros, ones)
-            look_up(ones, zeros)
-        alike = [half for two in halves for half in two if len(half)]
+            update_distances(zeros, ones)
+            update_distances(ones, zeros)
+        groups = [half for two in halves for half in two if len(half)]
     return found
 
 
@@ -177,12 +177,12 @@ def extrapolate_values(
             mine = (lies == state) & np.isfinite(given)
             if not mine.any():
                 continue
-            own, told = weave[mine], np.column_stack([strain[mine], given[mine]])
+            own, samples = weave[mine], np.column_stack([strain[mine], given[mine]])
             number = np.maximum(np.bincount(own, minlength=count), 1)
-            sums = [np.bincount(own, column, count) / number for column in told.T]
+            sums = [np.bincount(own, column, count) / number for column in samples.T]
             mean = np.stack(sums, axis=1)
-            mean[np.bincount(own, minlength=count) == 0] = told.mean(axis=0)
-            apart = told - mean[own]
+            mean[np.bincount(own, minlength=count) == 0] = samples.mean(axis=0)
+            apart = samples - mean[own]
             slope = np.linalg.lstsq(apart[:, :-1], apart[:, -1], rcond=1e-6)[0]
             at_rest = (mean[:, -1] - mean[:, :-1] @ slope).astype(np.float32)
             bent = (strains @ slope).astype(np.float32)

@@ -218,7 +218,7 @@ def _fill_points(plan: _BundlePlan, flat_points: AnyFloats) -> None:
     for component, (place, along, up, aside) in enumerate(
         zip(lines.place, lines.tangent, lines.normal, lines.lateral, strict=True)
     ):
-        out, begun = points[:, :, component], False
+        out, started = points[:, :, component], False
         if out.dtype != np.float64:
             out = np.empty(out.shape)  # so that rounding happens once, at the end
         for direction, bend, reaches in (
@@ -228,18 +228,18 @@ def _fill_points(plan: _BundlePlan, flat_points: AnyFloats) -> None:
             # Directions that are zero in all frames are skipped, which saves most of the time.
             if _is_zero(direction) and (bend is None or _is_zero(along)):
                 continue
-            if begun:
+            if started:
                 out += spread(direction, along, bend)[:, None] * reaches
             else:
                 np.multiply(spread(direction, along, bend)[:, None], reaches, out=out)
-            begun = True
+            started = True
         axis = np.empty(len(points))
         axis[rings], axis[final] = _values_at(place, start), _values_at(place, last)
         for ring, station, handle, _ in inner:
             axis[ring] = _values_at(place, station)
             if not _is_zero(along):
                 axis[ring] += handle * _values_at(along, station)
-        if begun:
+        if started:
             out += axis[:, None]
         else:
             out[:] = axis[:, None]

@@ -74,7 +74,7 @@ class Weave:
 
 
 def build_weave(
-    cloth: Cloth, share: YarnSelection = ALL_YARNS, kind: DTypeLike = np.float64
+    cloth: Cloth, selection: YarnSelection = ALL_YARNS, kind: DTypeLike = np.float64
 ) -> Weave:
     """Build the patches of a cloth.
 
@@ -82,7 +82,7 @@ def build_weave(
     ----------
     cloth : Cloth
         Drawdown, yarns, and all that shapes them.
-    share : YarnSelection
+    selection : YarnSelection
         Yarns to build, at their positions in the whole cloth; see
         `spacemap_vtk.textile.geometry.partition.select_piece`.
     kind : dtype_like
@@ -110,8 +110,12 @@ def build_weave(
     ((848, 3), (96, 16))
     """
     cloth.check()
-    paths, sections, (ends, picks) = cloth_axes(cloth, share), _family_sections(cloth), cloth.size
-    numbers = np.arange(ends)[share.ends], ends + np.arange(picks)[share.picks]
+    paths, sections, (ends, picks) = (
+        cloth_axes(cloth, selection),
+        _family_sections(cloth),
+        cloth.size,
+    )
+    numbers = np.arange(ends)[selection.ends], ends + np.arange(picks)[selection.picks]
     lines = [_centre_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
     warp, weft = cloth.families
     cancel.check()

@@ -206,7 +206,7 @@ def measure_clearance(weave: Weave, points: ArrayLike | None = None) -> Clearanc
     first_ring = np.concatenate([rows[0], len(nets[0]) + rows[1]])
     net = np.concatenate(nets)
 
-    def at(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def evaluate(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         basis = bernstein(3, fraction)
         local = net[first_ring[part][:, None] + np.arange(4)]
         value = np.einsum("ni,nik->nk", basis, local)
@@ -226,7 +226,7 @@ def measure_clearance(weave: Weave, points: ArrayLike | None = None) -> Clearanc
                     [t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]
                 ),
                 points is None,
-                at,
+                evaluate,
             )
         )
     )
@@ -247,7 +247,7 @@ def _tubes_at_rest(cloth: Cloth) -> _Tubes:
     first = len(families[0].length)
     owners = [family.owner for family in families]
 
-    def at(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def evaluate(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         point, normal, lateral, half = np.zeros((4, len(part), 3))
         for number, (family, aspect) in enumerate(zip(families, aspects, strict=True)):
             mine = (part >= first) == bool(number)
@@ -268,7 +268,7 @@ def _tubes_at_rest(cloth: Cloth) -> _Tubes:
         np.concatenate([family.radius for family in families]),
         np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
         True,
-        at,
+        evaluate,
     )
 
 
@@ -313,18 +313,18 @@ def _search_least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     keep = tubes.flat[yarn] | (side == 0.0)
     place, side, yarn = place[keep], side[keep], yarn[keep]
 
-    def at(place: Floats, yarn: Ints) -> tuple[Floats, ...]:
+    def evaluate_places(place: Floats, yarn: Ints) -> tuple[Floats, ...]:
         within = np.minimum(place.astype(np.int64), ends[1, yarn] - 1)
         return tubes.at(within, place - within)
 
-    def beside(found: tuple[Floats, ...], side: Floats) -> tuple[Floats, ...]:
+    def move_to_side(found: tuple[Floats, ...], side: Floats) -> tuple[Floats, ...]:
         point, normal, lateral, half = found
         return point + side[:, None] * half, normal, lateral
 
     located = np.empty((3, len(place), 3))
     for block in blocks(len(place), _BLOCK):
         yield
-        located[:, block] = beside(at(place[block], yarn[block]), side[block])
+        located[:, block] = move_to_side(evaluate_places(place[block], yarn[block]), side[block])
     turns = 0 if tubes.perpendicular else _TURNS
     most = _MOST if tubes.perpendicular else _MOST // 4
     # Work in blocks and keep only the worst: all pairs at once would take most of the memory.
@@ -347,34 +347,36 @@ def _search_least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     sides = np.stack([side[a], side[b]])
     low, high = ends[0, own], ends[1, own]
 
-    def both(moved: Floats) -> list[tuple[Floats, ...]]:
-        return [at(place, yarn) for place, yarn in zip(moved, own, strict=True)]
+    def evaluate_both(moved: Floats) -> list[tuple[Floats, ...]]:
+        return [evaluate_places(place, yarn) for place, yarn in zip(moved, own, strict=True)]
 
-    def evaluate(
+    def measure_gap(
         found: list[tuple[Floats, ...]], sides: Floats, few: int
     ) -> tuple[Floats, Floats, Floats]:
-        first, second = map(beside, found, sides)
+        first, second = map(move_to_side, found, sides)
         return _section_gap(first, second, facing if few else None, few)
 
-    best, middle, _ = evaluate(both(moved), sides, turns)
+    best, middle, _ = measure_gap(evaluate_both(moved), sides, turns)
     flattened = bool(tubes.flat[own].any())
     width = 1.0 / _SAMPLES
     for _ in range(_REFINEMENTS):
         for along in (True, False) if flattened else (True,):
             # Each place moves forwards, backwards or not at all: three places of a yarn, not nine.
             reached = [np.clip(moved + width * way, low, high) for way in (0, 1, -1)]
-            stood = [both(places) for places in reached] if along else [both(moved)]
+            stood = (
+                [evaluate_both(places) for places in reached] if along else [evaluate_both(moved)]
+            )
             origin = sides
             for move in _MOVES[1:]:
                 yield
                 if along:
                     trial = np.stack([reached[way][k] for k, way in enumerate(move)])
                     here = [stood[way][k] for k, way in enumerate(move)]
-                    gap, spot, turned = evaluate(here, sides, turns // 4)
+                    gap, spot, turned = measure_gap(here, sides, turns // 4)
                 else:
                     trial = np.clip(origin + width * move[:, None], -1.0, 1.0)
                     trial = np.where(tubes.flat[own], trial, 0.0)
-                    gap, spot, turned = evaluate(stood[0], trial, turns // 4)
+                    gap, spot, turned = measure_gap(stood[0], trial, turns // 4)
                 better = gap < best
                 best, middle = np.where(better, gap, best), np.where(better[:, None], spot, middle)
                 facing = np.where(better[:, None], turned, facing)
@@ -390,7 +392,7 @@ def _search_least(tubes: _Tubes) -> Generator[None, None, Clearance]:
             low, high = low[:, kept_rows], high[:, kept_rows]
     if turns:
         # The direction may not have followed every move, so it is searched again with more steps.
-        best, middle, _ = evaluate(both(moved), sides, 4 * turns)
+        best, middle, _ = measure_gap(evaluate_both(moved), sides, 4 * turns)
     least = int(np.argmin(best))
     first, second = sorted((int(own[0, least]), int(own[1, least])))
     return Clearance(float(best[least]), (first, second), middle[least])

@@ -184,12 +184,12 @@ class Tessellation:
         bicubic = self.bicubic if rational is None else None
         streamed = is_streamed(positions, normals)
 
-        def do(chunk: Chunk) -> None:
+        def evaluate_chunk(chunk: Chunk) -> None:
             surface, across = self._part(positions, chunk), self._part(normals, chunk)
             if bicubic is not None:
                 found = bicubic.evaluate(chunk, points, scale, surface, across, streamed=streamed)
             else:
-                found = by_products(chunk, surface, across)
+                found = multiply_chunk(chunk, surface, across)
             if len(found):
                 with np.errstate(all="ignore"):  # infinite control points
                     robust = self._get_robust_normals(chunk, found).compute(
@@ -197,7 +197,7 @@ class Tessellation:
                     )
                 across.reshape(-1, 3)[found] = robust
 
-        def by_products(chunk: Chunk, surface: AnyFloats, across: AnyFloats) -> NDArray[np.intp]:
+        def multiply_chunk(chunk: Chunk, surface: AnyFloats, across: AnyFloats) -> NDArray[np.intp]:
             with self._scratch() as scratch, np.errstate(all="ignore"):
                 net = scratch.net(chunk, points[chunk.rows], kind)
                 apart = scratch.separate_components(net)
@@ -210,7 +210,7 @@ class Tessellation:
                     _add_origin(values[:, :samples], net, surface)
                 return scratch.normals(apart, slopes, across, self._corners, scale)
 
-        for_each(self._chunks, lambda: do, self._threads)
+        for_each(self._chunks, lambda: evaluate_chunk, self._threads)
         return positions, normals
 
     def interpolate(
@@ -256,7 +256,7 @@ class Tessellation:
         streamed = is_streamed(result)
 
         # Values that are equal at all control points stay equal to the last bit.
-        def do(chunk: Chunk) -> None:
+        def interpolate_chunk(chunk: Chunk) -> None:
             part = self._part(result, chunk)
             if bicubic is not None:
                 bicubic.interpolate(chunk, columns, part, streamed=streamed)
@@ -277,7 +277,7 @@ class Tessellation:
                         )
                         _add_origin(values, net, part[..., few])
 
-        for_each(self._chunks, lambda: do, self._threads)
+        for_each(self._chunks, lambda: interpolate_chunk, self._threads)
         return result.reshape(-1, *table.shape[1:])
 
     def views(self, *arrays: AnyFloats) -> Iterator[tuple[Any, ...]]:
@@ -378,25 +378,25 @@ class Tessellation:
 
     def _matrices(self, scale: float, kind: np.dtype[Any]) -> tuple[AnyFloats, AnyFloats]:
         """Return B over Bu and Bv for patches of a size, and B with the origin; both are cached."""
-        kept = self._matrix_cache.get((scale, kind))
-        if kept is None:
+        matrices = self._matrix_cache.get((scale, kind))
+        if matrices is None:
             basis = self._basis.copy()
             basis[1:] /= scale
             stacked = basis.reshape(-1, basis.shape[2]).astype(kind)
-            kept = stacked, _append_ones(stacked[: len(stacked) // 3])
+            matrices = stacked, _append_ones(stacked[: len(stacked) // 3])
             self._matrix_cache = {
                 **dict(list(self._matrix_cache.items())[-2:]),
-                (scale, kind): kept,
+                (scale, kind): matrices,
             }
-        return kept
+        return matrices
 
     def _get_robust_normals(self, chunk: Chunk, found: NDArray[np.intp]) -> RobustNormals:
         """Return robust normals of suspect samples; poles of caps are suspect at each step."""
-        kept = self._robust_normals.get(chunk.first)
-        if kept is None or not np.array_equal(kept.samples, found):
-            kept = RobustNormals(chunk, found, self.degree, self.subdivisions)
-            self._robust_normals[chunk.first] = kept
-        return kept
+        normals = self._robust_normals.get(chunk.first)
+        if normals is None or not np.array_equal(normals.samples, found):
+            normals = RobustNormals(chunk, found, self.degree, self.subdivisions)
+            self._robust_normals[chunk.first] = normals
+        return normals
 
 
 def _stacked_basis(p: int, q: int, subdivisions: int) -> Floats:

@@ -13,7 +13,7 @@ from spacemap_vtk.textile.weave.resolve import ClothRequest
 from spacemap_vtk.textile.weave.threads import Lengths
 
 
-def as_draft(cloth: Cloth, draft: Draft, asked: ClothRequest, title: str = "") -> Draft:
+def as_draft(cloth: Cloth, draft: Draft, request: ClothRequest, title: str = "") -> Draft:
     """Convert a cloth to a draft.
 
     Parameters
@@ -23,7 +23,7 @@ def as_draft(cloth: Cloth, draft: Draft, asked: ClothRequest, title: str = "") -
     draft : Draft
         The draft from which the cloth was resolved. Values that the request did not change are
         copied from it, including thicknesses of yarns that would have to be thinned.
-    asked : ClothRequest
+    request : ClothRequest
         The request.
     title : str
         Title for a draft that has none.
@@ -39,19 +39,25 @@ def as_draft(cloth: Cloth, draft: Draft, asked: ClothRequest, title: str = "") -
         No thread spaces give these distances between the yarns.
     """
     families = []
-    for number, (own, wanted) in enumerate(((draft.warp, asked.warp), (draft.weft, asked.weft))):
+    for number, (own, wanted) in enumerate(
+        ((draft.warp, request.warp), (draft.weft, request.weft))
+    ):
         threads, count = cloth.threads[number], cloth.size[number]
-        kept = own.repeat(count)
-        spacing, thickness = kept.spacing, kept.thickness
+        repeated = own.repeat(count)
+        spacing, thickness = repeated.spacing, repeated.thickness
         colors: NDArray[np.uint8] | None = threads.colors
-        bare = draft.loom is None
-        if wanted.spacing is not None or wanted.sett is not None or (bare and spacing is None):
+        is_pattern = draft.loom is None
+        if (
+            wanted.spacing is not None
+            or wanted.sett is not None
+            or (is_pattern and spacing is None)
+        ):
             spacing = _collapse_equal(_thread_spaces(cloth, number))
-        if wanted.has_thickness or wanted.aspect is not None or (bare and thickness is None):
+        if wanted.has_thickness or wanted.aspect is not None or (is_pattern and thickness is None):
             thickness = _collapse_equal(
                 np.resize(threads.aspect * np.asarray(threads.diameter), count)
             )
-        if not bare and own.colors is None and wanted.color is None:
+        if not is_pattern and own.colors is None and wanted.color is None:
             colors = None
         families.append(DraftThreads(spacing=spacing, thickness=thickness, colors=colors))
     return Draft(

@@ -315,14 +315,14 @@ class Cloth:
     def _group_yarns(self, number: int) -> YarnGroups:
         upper, diameter = self.is_over(number), self.yarns[number].diameter
         sizes = diameter.view(np.uint8).reshape(len(upper), -1)
-        told = [upper]
+        keys = [upper]
         if self.layers is not None:
             same, above = (
                 self.layers.same_cloth,
                 self.layers.same_cloth & self.layers.in_upper_cloth,
             )
-            told += [self.layers.bends(number), *((t if number else t.T) for t in (same, above))]
-        table = np.column_stack([*(np.packbits(one, axis=1) for one in told), sizes])
+            keys += [self.layers.bends(number), *((t if number else t.T) for t in (same, above))]
+        table = np.column_stack([*(np.packbits(one, axis=1) for one in keys), sizes])
         _, first, which = np.unique(table, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)
         place = np.empty_like(order)

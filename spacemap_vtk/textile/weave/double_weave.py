@@ -257,10 +257,10 @@ def _vote_for_upper(drawdown: Bools, ends: Bools, picks: Bools) -> Bools:
 def _is_above_by_nearest(over: Bools, second: Bools) -> Bools:
     """Decide whether the columns' yarns are above, from the nearest thread that shows it."""
     # A yarn over a thread of the lower cloth, or under one of the upper, may be in either cloth.
-    told = over != second[:, None]
+    decisive = over != second[:, None]
     place = np.arange(len(over))[:, None]
-    last = np.maximum.accumulate(np.where(told, place, -len(over)), axis=0)
-    following = np.where(told, place, 2 * len(over))[::-1]
+    last = np.maximum.accumulate(np.where(decisive, place, -len(over)), axis=0)
+    following = np.where(decisive, place, 2 * len(over))[::-1]
     following = np.minimum.accumulate(following, axis=0)[::-1]
     nearest = np.where(place - last <= following - place, last, following)
     return np.take_along_axis(over, nearest.clip(0, len(over) - 1), axis=0)

@@ -85,14 +85,14 @@ class ClothRequest:
     axis: str
 
 
-def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_name) -> Cloth:
+def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity_name) -> Cloth:
     """Resolve every measure of a cloth.
 
     Parameters
     ----------
     draft : Draft
         Drawdown, with the sizes and colours that the draft stores.
-    asked : ClothRequest
+    request : ClothRequest
         The user's request.
     names : callable
         Names of the quantities of warp and weft in messages.
@@ -102,55 +102,57 @@ def resolve(draft: Draft, asked: ClothRequest, names: QuantityNames = quantity_n
     Cloth
         Its yarns may have no room: see `Cloth.check`.
     """
-    ends, picks = asked.ends or draft.size[0], asked.picks or draft.size[1]
-    if asked.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
+    ends, picks = request.ends or draft.size[0], request.picks or draft.size[1]
+    if request.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
         warp, weft = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
         draft = replace(draft, warp=warp, weft=weft)
-    layers, told = _find_layers(draft, (ends, picks), (asked.warp.layer, asked.weft.layer), names)
+    layers, messages = _find_layers(
+        draft, (ends, picks), (request.warp.layer, request.weft.layer), names
+    )
     filling = _default_filling(layers)
     cloth = Cloth(
         drawdown=tile_drawdown(draft.drawdown, ends, picks),
-        warp=_resolve_threads(draft.warp, asked.warp, asked, ends, WARP_COLOR, filling),
-        weft=_resolve_threads(draft.weft, asked.weft, asked, picks, WEFT_COLOR, filling),
-        crimp_height=asked.crimp_height,
-        overhang=asked.overhang,
-        caps=asked.caps,
-        exact=asked.exact,
-        axis=asked.axis,
-        density=asked.packing * asked.fibre_density,
-        warnings=(*draft.warnings, *told),
+        warp=_resolve_threads(draft.warp, request.warp, request, ends, WARP_COLOR, filling),
+        weft=_resolve_threads(draft.weft, request.weft, request, picks, WEFT_COLOR, filling),
+        crimp_height=request.crimp_height,
+        overhang=request.overhang,
+        caps=request.caps,
+        exact=request.exact,
+        axis=request.axis,
+        density=request.packing * request.fibre_density,
+        warnings=(*draft.warnings, *messages),
         layers=layers,
-        layer_gap=asked.layer_gap,
+        layer_gap=request.layer_gap,
         names=names,
     )
-    drawn = draft.warp.thickness is not None, draft.weft.thickness is not None
-    if asked.thick_yarns == "refuse" and any(drawn):
+    given = draft.warp.thickness is not None, draft.weft.thickness is not None
+    if request.thick_yarns == "refuse" and any(given):
         return replace(cloth, cure='Set thick_yarns to "scale" or "flatten".')
-    thick = drawn[0] and not asked.warp.has_thickness, drawn[1] and not asked.weft.has_thickness
+    thick = given[0] and not request.warp.has_thickness, given[1] and not request.weft.has_thickness
     if not any(thick):
         return cloth
-    mend = flatten_yarns if asked.thick_yarns == "flatten" else scale_yarns
-    cloth, note = mend(cloth, thick)
-    return replace(cloth, warnings=(*cloth.warnings, InfoMessage(note))) if note else cloth
+    change = flatten_yarns if request.thick_yarns == "flatten" else scale_yarns
+    cloth, message = change(cloth, thick)
+    return replace(cloth, warnings=(*cloth.warnings, InfoMessage(message))) if message else cloth
 
 
 def _find_layers(
     draft: Draft,
     size: tuple[int, int],
-    asked: tuple[int | tuple[int, ...] | None, ...],
+    requested: tuple[int | tuple[int, ...] | None, ...],
     names: QuantityNames,
 ) -> tuple[Layers | None, tuple[str, ...]]:
     """Return the two cloths that are requested or found, and messages about those found."""
     # A small piece of a weave is judged by more repeats of it.
-    whole = [count if count >= LEAST_YARNS else 3 * LEAST_YARNS for count in size]
+    counts = [count if count >= LEAST_YARNS else 3 * LEAST_YARNS for count in size]
     ends, picks = (
         None if layer is None else np.resize(layer, count) == 2
-        for layer, count in zip(asked, whole, strict=True)
+        for layer, count in zip(requested, counts, strict=True)
     )
     known = [one for one in (ends, picks) if one is not None]
     if any(one.all() or not one.any() for one in known):
         return None, ()
-    found = find_layers(tile_drawdown(draft.drawdown, whole[0], whole[1]), ends, picks)
+    found = find_layers(tile_drawdown(draft.drawdown, counts[0], counts[1]), ends, picks)
     if found is None and known:
         lacking, given = (names("layer", family) for family in ((0, 1) if ends is None else (1, 0)))
         raise InputError(
@@ -177,46 +179,48 @@ def _default_filling(layers: Layers | None) -> float:
 
 def _resolve_threads(
     own: DraftThreads,
-    asked: ThreadsRequest,
+    request: ThreadsRequest,
     fibres: ClothRequest,
     count: int,
     color: Rgb,
     filling: float,
 ) -> Threads:
-    aspect = asked.aspect or (1.0 if asked.section == "circular" else ASPECT)
-    spacing = _resolve_spacing(own, asked, count)
+    aspect = request.aspect or (1.0 if request.section == "circular" else ASPECT)
+    spacing = _resolve_spacing(own, request, count)
     diameter: Lengths
-    if asked.count is not None:
-        linear = np.asarray(asked.count, dtype=np.float64)
+    if request.count is not None:
+        linear = np.asarray(request.count, dtype=np.float64)
         area = section_area(linear, fibres.fibre_density, fibres.packing)
-        diameter = repeat_values(yarn_height(area, aspect, asked.section), count)
-    elif asked.diameter is not None:
-        diameter = repeat_values(asked.diameter, count)
+        diameter = repeat_values(yarn_height(area, aspect, request.section), count)
+    elif request.diameter is not None:
+        diameter = repeat_values(request.diameter, count)
     elif own.thickness is not None:
         # Weaving programs draw what they call thickness: the width of the yarn.
         diameter = repeat_values(repeat_values(own.thickness, count) / aspect, count)
     else:
         # The narrowest gap decides, so that the default is feasible.
         diameter = filling / aspect * float(np.min(spacing))
-    chosen = asked.color if asked.color is not None else color if own.colors is None else own.colors
+    chosen = (
+        request.color if request.color is not None else color if own.colors is None else own.colors
+    )
     return Threads(
         diameter=diameter,
         spacing=spacing,
-        section=asked.section,
+        section=request.section,
         aspect=aspect,
-        crimp=asked.crimp,
+        crimp=request.crimp,
         colors=np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3)),
-        twist=None if asked.twist is None else repeat_values(asked.twist, count),
-        plies=repeat_values(asked.plies or 1.0, count),
+        twist=None if request.twist is None else repeat_values(request.twist, count),
+        plies=repeat_values(request.plies or 1.0, count),
     )
 
 
-def _resolve_spacing(own: DraftThreads, asked: ThreadsRequest, count: int) -> Lengths:
+def _resolve_spacing(own: DraftThreads, request: ThreadsRequest, count: int) -> Lengths:
     """Return the distance between the yarns of a family: one value, or (count - 1,)."""
-    if asked.spacing is not None:
-        return repeat_values(asked.spacing, max(count - 1, 1))
-    if asked.sett is not None:
-        return 1.0 / asked.sett
+    if request.spacing is not None:
+        return repeat_values(request.spacing, max(count - 1, 1))
+    if request.sett is not None:
+        return 1.0 / request.sett
     # Drafts without a spacing are drawn with the yarns touching each other.
     found = own.thickness if own.spacing is None else own.spacing
     if found is None:

@@ -30,15 +30,15 @@ Thick = tuple[bool, bool]
 def scale_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Make a draft's yarns thinner until they can interlace; also return a message."""
 
-    def at(factor: float) -> Cloth:
+    def scale(factor: float) -> Cloth:
         return _replace_families(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
 
-    limit = _largest_factor(lambda factor: _is_feasible(at(factor)))
+    limit = _largest_factor(lambda factor: _is_feasible(scale(factor)))
     if limit is None or limit == 1.0:
         return cloth, ""
-    found = at(THICKNESS_SHARE * limit)
-    return found, (
-        f"{_describe_problem(cloth, thick)}; drawn {_format_diameters(found, thick)} thick, "
+    scaled = scale(THICKNESS_SHARE * limit)
+    return scaled, (
+        f"{_describe_problem(cloth, thick)}; drawn {_format_diameters(scaled, thick)} thick, "
         f"{THICKNESS_SHARE:.0%} of the feasible limit"
     )
 
@@ -52,8 +52,8 @@ def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     ):
         return cloth, ""
 
-    def at(height: float) -> Cloth:
-        def flat(threads: Threads) -> Threads:
+    def flatten(height: float) -> Cloth:
+        def flatten_family(threads: Threads) -> Threads:
             return replace(
                 threads,
                 diameter=height * _width(threads),
@@ -61,16 +61,16 @@ def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
                 section="racetrack" if threads.section == "circular" else threads.section,
             )
 
-        return _replace_families(cloth, thick, flat)
+        return _replace_families(cloth, thick, flatten_family)
 
-    limit = _largest_factor(lambda height: _is_feasible(at(height)))
+    limit = _largest_factor(lambda height: _is_feasible(flatten(height)))
     if limit is None:
         return cloth, ""
-    found = at(THICKNESS_SHARE * limit)
+    flattened = flatten(THICKNESS_SHARE * limit)
     widths = _format_lengths(thick, *(_width(threads) for threads in cloth.threads))
-    return found, (
+    return flattened, (
         f"{_describe_problem(cloth, thick)}; flattened to {widths} wide "
-        f"and {_format_diameters(found, thick)} high, {THICKNESS_SHARE:.0%} of the "
+        f"and {_format_diameters(flattened, thick)} high, {THICKNESS_SHARE:.0%} of the "
         "feasible limit"
     )
 
