@@ -49,7 +49,7 @@ def test_slivers(thin):
 
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
 @pytest.mark.parametrize("threads", [1, 3])
-def test_it_is_the_sum_over_the_weights(outside, threads):
+def test_the_map_equals_the_sum_over_the_weights(outside, threads):
     vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     points = cloud(30_000, 2)
     where, ride = ride_of(points, vertices, tetrahedra, outside, threads=threads)
@@ -75,7 +75,7 @@ def test_it_is_the_sum_over_the_weights(outside, threads):
     np.testing.assert_array_equal(moved, kept)  # memory is used again once nobody holds it
 
 
-def test_other_points_take_the_map_of_those_in_their_places():
+def test_replaced_points_use_the_map_of_the_located_ones():
     vertices, tetrahedra = build_lattice(UNIT, (2, 2, 2))
     points, random = cloud(500, 3), np.random.default_rng(1)
     where, ride = ride_of(points, vertices, tetrahedra)
@@ -85,7 +85,7 @@ def test_other_points_take_the_map_of_those_in_their_places():
     np.testing.assert_allclose(moved, ride.displace(points, u)[0] + turned, atol=1e-12)
 
 
-def test_of_a_point_four_bytes_are_kept():
+def test_only_the_tetrahedron_of_a_point_is_stored():
     vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     points = cloud(20_000, 1, 0, 1)
     ride = ride_of(points, vertices, tetrahedra)[1]

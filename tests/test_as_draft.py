@@ -41,7 +41,7 @@ def same(first: Draft, second: Draft) -> None:
             np.testing.assert_array_equal(a, b)
 
 
-def test_a_wif_is_handed_on_as_it_was() -> None:
+def test_an_unchanged_wif_is_exported_unchanged() -> None:
     original = read_wif(REAL)
     found = WeaveSource(draft=REAL).make_draft()
     same(found, original)
@@ -49,7 +49,7 @@ def test_a_wif_is_handed_on_as_it_was() -> None:
     same(parse_wif(format_wif(found)), original)
 
 
-def test_what_the_user_changes_is_changed() -> None:
+def test_changed_parameters_are_exported() -> None:
     source = WeaveSource(draft=REAL, ends=70, warp_sett="20 /cm", weft_color="#ff0000")
     found = parse_wif(format_wif(source.make_draft()))
     original = read_wif(REAL)
@@ -99,7 +99,7 @@ def test_any_fabric_is_woven_again(
                 np.testing.assert_allclose(a * np.ones(1), b * np.ones(1), rtol=1e-12)
 
 
-def test_distances_that_no_spaces_give() -> None:
+def test_distances_that_a_wif_cannot_store_are_refused() -> None:
     source = WeaveSource(
         ends=4, warp_spacing=["0.3 mm", "2 mm", "0.3 mm"], warp_diameter=1e-4, weft_diameter=1e-4
     )

@@ -77,7 +77,7 @@ def test_touched_hexahedra_against_many_samples() -> None:
     assert (found & ~sampled).sum() < 0.05 * found.sum()
 
 
-def test_a_large_triangle_touches_hexahedra_that_none_of_its_points_is_in() -> None:
+def test_a_large_triangle_touches_hexahedra_without_its_points() -> None:
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     found = find_touched_cells(
         points, np.array([[0, 1, 2]]), np.zeros(3), np.full(3, 0.1), [10, 10, 10]
@@ -88,7 +88,7 @@ def test_a_large_triangle_touches_hexahedra_that_none_of_its_points_is_in() -> N
     np.testing.assert_array_equal(found[0], x + y <= 10)
 
 
-def test_a_carved_cage_holds_the_whole_surface() -> None:
+def test_a_carved_cage_contains_the_whole_surface() -> None:
     ring = pv.ParametricTorus(ringradius=1.0, crosssectionradius=0.2)
     cage, grid = cage_of(ring, method="carved", divisions=(9, 9, 3))
     tetrahedra = tetrahedra_of(grid)
@@ -140,7 +140,7 @@ def test_each_piece_is_reported() -> None:
     )
 
 
-def test_the_outside_is_told_with_count_and_distance() -> None:
+def test_points_outside_are_reported_with_count_and_distance() -> None:
     ball = pv.Sphere(radius=1.0)
     _, grid = cage_of(pv.Sphere(radius=0.9), method="carved", divisions=(12, 12, 12))
     add_array(grid.GetPointData(), "displacement", np.zeros((grid.n_points, 3)))
@@ -182,7 +182,7 @@ def test_a_surface_is_filled_once(cache: Path) -> None:
     assert check_mesh(third.points, tetrahedra_of(third)) == pytest.approx(2.0, rel=0.02)
 
 
-def test_a_ball_is_held_weighs_what_it_does_and_rings_as_lambs(cache: Path) -> None:
+def test_a_ball_is_enclosed_with_its_mass_and_lambs_frequencies(cache: Path) -> None:
     pytest.importorskip("pytetwild")
     ball = pv.Sphere(radius=0.05, theta_resolution=20, phi_resolution=20)
     cage, grid = cage_of(ball, method="tetwild", order=2)
@@ -205,7 +205,7 @@ def test_a_ball_is_held_weighs_what_it_does_and_rings_as_lambs(cache: Path) -> N
     np.testing.assert_allclose(solved.field_data["frequencies"][6:11], lamb, rtol=0.012)
 
 
-def test_a_cage_holds_points_by_moving_no_more_than_it_must() -> None:
+def test_enclosing_points_moves_only_necessary_vertices() -> None:
     corners = pv.Icosahedron(radius=1.0)
     vertices = np.concatenate((np.zeros((1, 3)), corners.points)).astype(float)
     tetrahedra = repair_tetrahedra(vertices, np.insert(corners.regular_faces + 1, 0, 0, axis=1))[0]
@@ -224,7 +224,7 @@ def test_a_cage_holds_points_by_moving_no_more_than_it_must() -> None:
     assert (np.linalg.norm(held[1:], axis=1) > 1.001).any()
 
 
-def test_flat_sides_stay_flat_by_which_cages_are_held() -> None:
+def test_flat_sides_stay_flat_when_points_are_enclosed() -> None:
     """A prism of six corners in a round bar; one whose cell would turn over stays as it is."""
     vertices, tetrahedra = build_lattice((-0.7, 0.7, -0.7, 0.7, 0.0, 1.0), (2, 2, 2))
     bar = pv.Cylinder(center=(0, 0, 0.5), direction=(0, 0, 1), radius=1.0, resolution=40).points
@@ -238,7 +238,7 @@ def test_flat_sides_stay_flat_by_which_cages_are_held() -> None:
     check_mesh(deep, tetrahedra)
 
 
-def test_the_share_of_a_cage_that_is_filled() -> None:
+def test_enclosed_share_of_a_cage() -> None:
     one = pv.Cube().triangulate()
     two = one.merge(one.translate((0.5, 0.0, 0.0)))
     for mesh, made in ((one, 0.98), (two, 1.45)):
@@ -248,7 +248,7 @@ def test_the_share_of_a_cage_that_is_filled() -> None:
     assert enclosed_share(one.points, one.regular_faces[:0], 0.98, 2.0, 0.01) == 0.49
 
 
-def test_nothing_is_left_where_the_user_works(
+def test_no_files_are_left_in_the_working_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither fTetWild's own file, nor, where the cache is off, anything of ours."""
@@ -261,7 +261,7 @@ def test_nothing_is_left_where_the_user_works(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_ftetwild_is_ended_with_the_process_that_waits_for_it(tmp_path: Path) -> None:
+def test_cancelling_ends_the_process_of_ftetwild(tmp_path: Path) -> None:
     pytest.importorskip("pytetwild")
     program = "import sys, numpy as np; from spacemap_vtk.cage import tetwild\n"
     program += "tetwild._PROGRAM = 'import time; time.sleep(60)'  # a large surface\n"
@@ -299,14 +299,14 @@ def test_ftetwild_needs_no_pyvista() -> None:
     assert done.stdout == "False\n"
 
 
-def test_a_crash_of_ftetwild_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_crash_of_ftetwild_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pytetwild")
     monkeypatch.setattr(tetwild, "_PROGRAM", "import os; os.abort()")
     with pytest.raises(GeometryError, match=r"its process ended with code -6.*inflate"):
         cage_of(pv.Cube().triangulate(), method="tetwild", edge_length=0.6)
 
 
-def test_an_envelope_holds_what_is_open_crossed_and_thin(cache: Path) -> None:
+def test_an_envelope_encloses_open_crossed_and_thin_surfaces(cache: Path) -> None:
     pytest.importorskip("pytetwild")
     one = pv.Plane(i_size=1.0, j_size=1.0)
     crossed = one.merge(one.rotate_x(60).rotate_z(20))
@@ -349,7 +349,7 @@ def test_surfaces_that_cross_themselves_or_branch(cache: Path) -> None:
     assert volume == pytest.approx(1.0, rel=0.05)
 
 
-def test_what_hangs_on_an_edge_alone_gets_an_envelope(
+def test_parts_joined_only_by_an_edge_get_an_envelope(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two bars whose surfaces meet in an edge: one hangs by the other, and nothing turns."""
@@ -359,7 +359,7 @@ def test_what_hangs_on_an_edge_alone_gets_an_envelope(
     bars = one.merge(one.translate((1.0, 1.0, 0.0)))
     cage, grid = cage_of(bars, method="tetwild", edge_length=0.35)
     _, parts, larger = cage.warnings
-    assert "into 2 parts" in parts
+    assert "encloses 2 parts" in parts
     assert "cage.inflate" in parts
     assert "times as large" in larger
     share = filled_share(grid)
@@ -385,7 +385,7 @@ def test_what_hangs_on_an_edge_alone_gets_an_envelope(
     [([1, 2, 3, 4], ([2], 1)), ([2, 3, 4, 5], ([1, 1], 1)), ([3, 4, 5, 6], ([1, 1], 1))],
     ids=["face", "edge", "vertex"],
 )
-def test_parts_hang_together_by_faces(second: list[int], expected: object) -> None:
+def test_parts_are_connected_by_faces(second: list[int], expected: object) -> None:
     assert split.count_parts(np.array([[0, 1, 2, 3], second])) == expected
     away = np.array([[0, 1, 2, 3], second, [7, 8, 9, 10]])
     assert split.count_parts(away) == ([*expected[0], 1], 2)

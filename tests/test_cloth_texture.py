@@ -25,7 +25,7 @@ def test_each_crossing_has_its_two_yarns_once() -> None:
     assert np.array_equal(picks_over[..., 3] == 255, ~drawdown)
 
 
-def test_the_cloth_behind_lies_in_the_shade_on_either_face() -> None:
+def test_the_rear_cloth_is_shaded_on_both_faces() -> None:
     plain = np.indices((8, 8)).sum(axis=0) % 2 == 0
     drawdown = np.zeros((8, 8), dtype=bool)
     drawdown[::2, ::2], drawdown[1::2, 1::2], drawdown[1::2, ::2] = plain[:4, :4], plain[:4, :4], 1
@@ -40,7 +40,7 @@ def test_the_cloth_behind_lies_in_the_shade_on_either_face() -> None:
     assert (back[1::2] == 200).all()
 
 
-def test_lines_end_where_the_cloth_does() -> None:
+def test_grid_lines_end_at_the_edges_of_the_cloth() -> None:
     spacing = np.array([1e-3, 2e-3, 1e-3, 3e-3])
     cloth = Cloth(
         drawdown=np.indices((4, 5)).sum(axis=0) % 2 == 0,

@@ -235,7 +235,7 @@ def test_any_cage_and_either_warp_carry_feet(cage_of: dict[str, Any], smooth: bo
     assert abs(other - sheet).max() < 1e-9 * np.ptp(sheet)
 
 
-def test_in_single_precision_it_is_the_same() -> None:
+def test_single_precision_gives_the_same_result() -> None:
     double = points_of(pipeline(woven("twill"), SHEARED)[1].update().output)
     crimp, warp = pipeline(woven("twill", precision="single"), SHEARED)
     single = points_of(warp.update().output)
@@ -266,7 +266,7 @@ def test_pieces_make_up_the_whole(name: str) -> None:
     assert names[-4:] == ["crimp", "yarn_strain", "contact_force", "jammed"]  # in each process
 
 
-def test_it_tells_of_jams_slack_and_strain() -> None:
+def test_jams_slack_and_strain_are_reported() -> None:
     source = WeaveSource(ends=6, picks=5)
     jam, _ = pipeline(source, np.diag([0.8, 1.06, 1.0]))
     with pytest.warns(
@@ -315,14 +315,14 @@ def test_a_modulus_is_for_the_count_of_each_yarn() -> None:
         ({"inextensible": False, "tension": 1.0, "modulus": 1.0}, "tension and modulus cannot"),
     ],
 )
-def test_yarns_that_cannot_be_are_refused(values: dict[str, Any], message: str) -> None:
+def test_impossible_yarns_are_refused(values: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         pipeline(woven("plain"), np.eye(3), **values)[0].update()
     with pytest.raises(InputError, match=message):
         CrimpInterchange(**values).check()
 
 
-def test_what_is_no_weave_is_refused() -> None:
+def test_input_that_is_not_a_weave_is_refused() -> None:
     source = woven("plain")
     crimp, _ = pipeline(source, np.eye(3))
     bare = source.update().output.NewInstance()
@@ -343,7 +343,7 @@ def test_what_is_no_weave_is_refused() -> None:
         pipeline(woven("plain", axis="spline"), np.eye(3))[0].update()
 
 
-def test_a_bent_sheet_stretches_as_its_middle_does() -> None:
+def test_a_bent_sheet_stretches_as_its_mid_surface() -> None:
     cage = TetraCage(divisions=(12, 4, 1))
     connect(WeaveSource(ends=24, picks=8), cage).update()
     grid = cage.output

@@ -101,7 +101,7 @@ def test_two_cloths_are_found(weave: Bools, size: int, of_picks: list[int]) -> N
         ([0, 1], [1, 0, 0]),
     ],
 )
-def test_threads_may_be_arranged_otherwise(of_ends: list[int], of_picks: list[int]) -> None:
+def test_other_arrangements_of_threads_are_found(of_ends: list[int], of_picks: list[int]) -> None:
     found = find_layers(two_cloths(blocks(100), patterns.plain(), of_ends, of_picks))
     assert found is not None
     assert found.has_changes == (False, False)
@@ -118,7 +118,7 @@ def changing(picks: int = 48, ends: int = 40) -> tuple[Bools, Bools]:
 
 
 @pytest.mark.parametrize("number", [0, 1])
-def test_threads_of_one_direction_may_change_alone(number: int) -> None:
+def test_threads_of_only_one_family_may_change_cloths(number: int) -> None:
     drawdown, with_upper = changing()
     if number:
         drawdown, with_upper = ~drawdown.T, with_upper.T
@@ -139,14 +139,14 @@ def test_threads_of_one_direction_may_change_alone(number: int) -> None:
     np.testing.assert_array_equal(layers.same_cloth, found.same_cloth)
 
 
-def test_stitches_are_no_change_of_place() -> None:
+def test_stitches_do_not_count_as_changes_of_place() -> None:
     found = find_layers(stitched())
     assert found is not None
     assert found.has_changes == (True, True)
     assert (found.in_upper_cloth == ~found.ends)[found.same_cloth].all()
 
 
-def test_one_cloth_is_one() -> None:
+def test_single_cloths_are_not_double_weaves() -> None:
     waffle = np.array(
         [
             [c == "1" for c in row]
@@ -233,7 +233,7 @@ def nearest_of_two_cloths(cloth: Cloth) -> float:
         ),
     ],
 )
-def test_two_cloths_touch_nowhere(cloth: Cloth) -> None:
+def test_yarns_of_the_two_cloths_never_touch(cloth: Cloth) -> None:
     thick = cloth.diameter_sum
     assert nearest_of_two_cloths(cloth) > 0.01 * thick
     # in each of them yarns touch, and nothing overlaps
@@ -263,7 +263,7 @@ def test_axes_are_smooth_where_cloths_change_places() -> None:
 
 
 @pytest.mark.parametrize("weave", [patterns.plain(), patterns.twill(2, 2)])
-def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
+def test_each_cloth_has_the_geometry_of_a_single_cloth(weave: Bools) -> None:
     both = layered(two_cloths(blocks(99, 16, 16), weave))
     wide = Threads(diameter=ROUND.diameter, spacing=2e-3)
     alone = Cloth(drawdown=tile_drawdown(weave, 8, 8), warp=wide, weft=wide)
@@ -288,7 +288,7 @@ def test_each_cloth_is_what_it_would_be_alone(weave: Bools) -> None:
     )
 
 
-def test_what_is_built_is_what_is_counted_and_bounded() -> None:
+def test_counts_and_bounds_match_the_built_patches() -> None:
     cloth = layered(two_cloths(blocks(6, 18, 16), patterns.plain()))
     made, counted = build_weave(cloth), count_patches(cloth)[0]
     assert (len(made.points), len(made.patches)) == counted[:2]
@@ -297,7 +297,7 @@ def test_what_is_built_is_what_is_counted_and_bounded() -> None:
     np.testing.assert_allclose(cloth_bounds(cloth), bounds, atol=1e-15)
 
 
-def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
+def test_a_draft_of_a_double_weave_is_drawn_as_two_cloths(tmp_path: Path) -> None:
     file = tmp_path / "double.txt"
     file.write_text("\n".join(to_rows(two_cloths(blocks(12, 24, 24), patterns.plain()))))
     scene = Scene({"weave": {"draft": str(file)}})
@@ -313,7 +313,7 @@ def test_a_draft_of_two_cloths_is_drawn_as_two(tmp_path: Path) -> None:
     assert single.cloth.warnings == ()
 
 
-def test_a_small_piece_is_what_the_whole_is() -> None:
+def test_a_small_piece_is_recognised_like_the_whole() -> None:
     for size in (7, 2, 30):
         cloth = WeaveSource(pattern=["1000", "1110", "0010", "1011"], ends=size, picks=size).cloth
         assert cloth.layers is not None
@@ -322,7 +322,7 @@ def test_a_small_piece_is_what_the_whole_is() -> None:
     assert WeaveSource(pattern="twill 2/2").cloth.layers is None
 
 
-def test_cloths_that_are_not_joined_are_as_close_as_one(tmp_path: Path) -> None:
+def test_separate_cloths_may_be_as_dense_as_a_single_one(tmp_path: Path) -> None:
     for size, filling in ((12, 0.45), (99, 0.9)):
         file = tmp_path / f"{size}.txt"
         file.write_text("\n".join(to_rows(two_cloths(blocks(size, 24, 24), patterns.plain()))))
@@ -331,7 +331,7 @@ def test_cloths_that_are_not_joined_are_as_close_as_one(tmp_path: Path) -> None:
         cloth.check()
 
 
-def test_layers_are_given(tmp_path: Path) -> None:
+def test_layers_can_be_given(tmp_path: Path) -> None:
     given = WeaveSource(ends=9, picks=8, warp_layer=[1, 2], weft_layer=[2, 1], layer_gap="1 mm")
     cloth = given.cloth
     assert cloth.layers is not None

@@ -91,7 +91,7 @@ def test_affine_motion_is_reproduced(seed, outside):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_outside_belongs_to_the_truly_nearest(seed):
+def test_points_outside_belong_to_the_nearest_tetrahedron(seed):
     vertices, tetrahedra = random_mesh(25, seed)
     rng = np.random.default_rng(seed)
     keep = rng.random(len(tetrahedra)) < 0.5  # holes, and pieces that do not touch
@@ -108,7 +108,7 @@ def test_outside_belongs_to_the_truly_nearest(seed):
     assert where.outside == where.is_outside.sum() > 0
 
 
-def test_nearest_is_not_the_nearest_middle():
+def test_the_nearest_face_need_not_have_the_nearest_centre():
     # a long tetrahedron whose tip is at the point, and a small one whose middle is nearer
     vertices = np.array(
         [
@@ -153,7 +153,7 @@ def test_scale_does_not_matter(scale, outside):
     np.testing.assert_allclose(where.weights[same], unit.weights[same], rtol=1e-6, atol=1e-9)
 
 
-def test_order_company_and_threads_do_not_matter():
+def test_results_do_not_depend_on_order_other_points_or_threads():
     vertices, tetrahedra = build_lattice(UNIT, (4, 4, 4))
     rng = np.random.default_rng(8)
     # many on shared faces, edges and corners, inside and out
@@ -243,7 +243,7 @@ def test_orientation_does_not_matter():
     )
 
 
-def test_flat_tetrahedra_hold_nothing():
+def test_flat_tetrahedra_contain_no_points():
     vertices = np.concatenate((CORNERS, [[0.5, 0.5, 0.0], [5, 5, 5], [6, 5, 5], [5, 6, 5]]))
     tetrahedra = np.array([[0, 1, 2, 4], [5, 6, 7, 5], [0, 1, 2, 3]])
     where = locate([[0.2, 0.2, 0.0], [5.1, 5.1, 5.0], [0.1, 0.1, 0.1]], vertices, tetrahedra)
@@ -440,7 +440,7 @@ def test_a_lattice_equals_the_search(monkeypatch, bounds, whole, outside):
     np.testing.assert_allclose(fast.weights[inside].sum(1), 1, rtol=1e-15)
 
 
-def test_only_a_true_lattice_is_recognised():
+def test_only_exact_lattices_are_recognised():
     vertices, tetrahedra = build_lattice(UNIT, (3, 4, 2))
     pattern = recognise_lattice(vertices, tetrahedra)
     assert pattern.divisions.tolist() == [3, 4, 2]

@@ -54,7 +54,7 @@ def along(crossings: Interchange, first: NDArray, last: NDArray, points: int) ->
     ("height", "warp", "weft"),
     [(0.4786, 0.01521, -0.01702), (0.4572, 0.02896, -0.03640), (0.4358, 0.04146, -0.05928)],
 )
-def test_inextensible_yarns_trade_crimp(height: float, warp: float, weft: float) -> None:
+def test_inextensible_yarns_exchange_crimp(height: float, warp: float, weft: float) -> None:
     crossings = Interchange(cloth())
     assert free_width(crossings, 1.0 + warp) - 1.0 == pytest.approx(weft, abs=2e-5)
     state = stretched(crossings, 1.0 + warp, free_width(crossings, 1.0 + warp))
@@ -68,7 +68,7 @@ def test_inextensible_yarns_trade_crimp(height: float, warp: float, weft: float)
     assert np.ptp(lengths) < 1e-9 * lengths.max()
 
 
-def test_the_weft_jams_and_holds() -> None:
+def test_a_jammed_weft_stops_the_stretch() -> None:
     crossings = Interchange(cloth())
     state = stretched(crossings, 1.052870, 0.8)
     assert np.degrees(state.theta[1, 0, 0]) == pytest.approx(65.5178, abs=1e-4)
@@ -387,7 +387,7 @@ def test_one_crossing_and_a_far_field() -> None:
         assert all(np.isfinite(array).all() for array in state)
 
 
-def test_what_is_refused() -> None:
+def test_invalid_input_is_refused() -> None:
     with pytest.raises(InputError, match="tension"):
         Interchange(cloth(), YarnMechanics((np.inf, 1.0)))
     with pytest.raises(InputError, match="flattest"):

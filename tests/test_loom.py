@@ -36,7 +36,7 @@ def looms(draw: st.DrawFn) -> Loom:
     )
 
 
-def test_another_heddle_changes_its_end_alone() -> None:
+def test_a_new_heddle_changes_only_its_end() -> None:
     before = TWILL.drawdown()
     after = TWILL.replace_threading(1, (3,)).drawdown()
     np.testing.assert_array_equal(after[:, 0], before[:, 2])
@@ -44,7 +44,7 @@ def test_another_heddle_changes_its_end_alone() -> None:
     assert not TWILL.replace_threading(2, ()).drawdown()[:, 1].any()  # in no heddle: it floats
 
 
-def test_another_treadle_changes_its_pick_alone() -> None:
+def test_a_new_treadle_changes_only_its_pick() -> None:
     before = TWILL.drawdown()
     after = TWILL.replace_treadling(4, (1,)).drawdown()
     np.testing.assert_array_equal(after[3], before[0])
@@ -53,7 +53,7 @@ def test_another_treadle_changes_its_pick_alone() -> None:
     np.testing.assert_array_equal(both, before[0] | before[1])
 
 
-def test_another_tie_changes_the_picks_of_its_treadle() -> None:
+def test_a_new_tie_changes_only_the_picks_of_its_treadle() -> None:
     after = TWILL.replace_tie(2, Loom.toggle(TWILL.tieup[1], 1)).drawdown()
     changed = after != TWILL.drawdown()
     assert np.argwhere(changed).tolist() == [[1, 0]]
@@ -72,7 +72,7 @@ def test_a_liftplan_weaves_the_same_and_so_do_its_treadles(loom: Loom) -> None:
 
 
 @given(looms(), st.integers(1, 12), st.integers(1, 12))
-def test_a_tiled_loom_weaves_the_tiled_cloth(loom: Loom, ends: int, picks: int) -> None:
+def test_a_repeated_loom_weaves_the_repeated_cloth(loom: Loom, ends: int, picks: int) -> None:
     np.testing.assert_array_equal(
         loom.repeat(ends, picks).drawdown(), tile_drawdown(loom.drawdown(), ends, picks)
     )
@@ -83,7 +83,7 @@ def test_a_tiled_loom_weaves_the_tiled_cloth(loom: Loom, ends: int, picks: int) 
 
 
 @given(looms(), st.integers(0, 9), st.integers(0, 9))
-def test_a_size_never_cuts_what_is_used(loom: Loom, shafts: int, treadles: int) -> None:
+def test_resizing_keeps_used_shafts_and_treadles(loom: Loom, shafts: int, treadles: int) -> None:
     other = loom.resize(shafts, treadles)
     most = loom.highest_used
     assert (other.shafts, other.treadles) == (max(shafts, most[0]), max(treadles, most[1]))
@@ -101,6 +101,6 @@ def test_a_size_never_cuts_what_is_used(loom: Loom, shafts: int, treadles: int) 
         lambda: TWILL.with_liftplan.replace_tie(1, (1,)),
     ],
 )
-def test_what_is_not_there_cannot_be_changed(change: object) -> None:
+def test_edits_of_missing_rows_are_refused(change: object) -> None:
     with pytest.raises(InputError):
         change()  # type: ignore[operator]

@@ -9,7 +9,7 @@ from spacemap_vtk.embedding.morph_targets import find_morph_targets
 
 
 @pytest.mark.parametrize(("tolerance", "count"), [(2.0, 0), (0.2, 1), (0.011, 2), (1e-12, 3)])
-def test_as_many_terms_as_the_tolerance_asks_for(tolerance: float, count: int) -> None:
+def test_number_of_terms_follows_the_tolerance(tolerance: float, count: int) -> None:
     # a Fourier series is its own decomposition: a point moves by sin t, another by 0.1 sin 2t ...
     times = 2 * np.pi * np.arange(64) / 64
     motion = np.zeros((64, 3, 3))
@@ -25,7 +25,7 @@ def test_as_many_terms_as_the_tolerance_asks_for(tolerance: float, count: int) -
     np.testing.assert_allclose(sizes, (1.0, 0.1, 0.01)[:count])
 
 
-def test_what_lies_inside_is_as_near_as_the_cage() -> None:
+def test_points_inside_meet_the_tolerance_of_the_cage() -> None:
     rng = np.random.default_rng(0)
     motion = rng.standard_normal((40, 4, 3)).cumsum(axis=0)
     found = find_morph_targets(motion, 2.0)

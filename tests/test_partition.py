@@ -30,7 +30,7 @@ def shafts(ends, picks, seed, shaft_count=6):
 
 @pytest.mark.parametrize("axis", ["arcs", "spline"])
 @pytest.mark.parametrize("varied", [False, True])
-def test_yarns_of_one_course_are_measured_once(axis, varied):
+def test_equal_yarns_are_measured_once(axis, varied):
     rng = np.random.default_rng(1)
     warp = replace(THREADS, diameter=rng.choice([0.2e-3, 0.25e-3], 40)) if varied else THREADS
     cloth = Cloth(drawdown=shafts(40, 30, 2), warp=warp, weft=THREADS, axis=axis)
@@ -48,7 +48,7 @@ def test_yarns_of_one_course_are_measured_once(axis, varied):
 
 
 @pytest.mark.parametrize("flat", [False, True])
-def test_a_part_of_a_cloth_lies_where_it_does_in_the_whole(flat):
+def test_a_cropped_cloth_keeps_its_position(flat):
     rng = np.random.default_rng(4)
     shape = {"section": "racetrack", "aspect": 1.4} if flat else {}
     warp = Threads(diameter=rng.choice([0.15e-3, 0.2e-3], 30), spacing=0.5e-3, **shape)
@@ -71,7 +71,7 @@ def test_a_part_of_a_cloth_lies_where_it_does_in_the_whole(flat):
         np.testing.assert_allclose(*stations, atol=1e-15)
 
 
-def test_each_local_weave_is_in_a_part(monkeypatch):
+def test_representative_parts_contain_each_local_weave(monkeypatch):
     # In smaller crops more crossings lie at a border, where some of their neighbours are missing.
     monkeypatch.setattr(partition, "_PER_WEAVE", 2.0)
     cloth = Cloth(drawdown=shafts(300, 200, 3), warp=THREADS, weft=THREADS)
@@ -96,7 +96,7 @@ def test_each_local_weave_is_in_a_part(monkeypatch):
 
 
 @pytest.mark.parametrize("section", ["circular", "racetrack"])
-def test_places_that_are_dropped_while_others_are_refined_are_not_the_nearest(monkeypatch, section):
+def test_refinement_never_drops_the_nearest_place(monkeypatch, section):
     rng = np.random.default_rng(5)
     warp, weft = (
         Threads(
@@ -117,7 +117,7 @@ def test_places_that_are_dropped_while_others_are_refined_are_not_the_nearest(mo
     assert found.yarns == everywhere.yarns
 
 
-def test_figures_of_a_metre_of_cloth_take_little(tmp_path):
+def test_figures_of_a_metre_of_cloth_need_little_memory(tmp_path):
     """4 million crossings: 200 MB; 27 GB if it were built."""
     file = tmp_path / "metre.toml"
     file.write_text("[weave]\nends = 2000\npicks = 2000\n")

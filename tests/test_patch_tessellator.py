@@ -15,7 +15,7 @@ from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.paraview.stages import arrays_to_points
 
 
-def test_arrays_ride_along_to_the_surface() -> None:
+def test_point_arrays_are_interpolated_to_the_surface() -> None:
     chain = Chain()
     chain.update(time=0.1)
     patches, surface = chain.warp.GetOutputDataObject(0), chain.surface.GetOutputDataObject(0)
@@ -67,7 +67,7 @@ def test_a_surface_of_the_same_cells_keeps_its_polygons_and_cell_arrays() -> Non
     assert chain.surface.GetOutputDataObject(0).GetPolys() is not polygons
 
 
-def test_a_cell_array_changed_in_place_is_carried_over_anew() -> None:
+def test_a_cell_array_changed_in_place_is_updated() -> None:
     weave, surface = WeaveSource(ends=1, picks=1), PatchTessellator(subdivisions=2)
     weave.update()
     grid = vtkUnstructuredGrid()
@@ -83,7 +83,7 @@ def test_a_cell_array_changed_in_place_is_carried_over_anew() -> None:
     assert (vtk_to_numpy(carried) == 7).all()
 
 
-def test_arrays_of_yarns_come_through_on_the_points_too() -> None:
+def test_yarn_numbers_at_points_become_cell_arrays() -> None:
     weave = WeaveSource(ends=3, picks=4, exact=True)
     usual, surface = PatchTessellator(subdivisions=2), PatchTessellator(subdivisions=2)
     (weave >> usual).update()

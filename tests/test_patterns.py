@@ -71,7 +71,7 @@ def test_drawdowns_by_hand(name: str) -> None:
         ("weft rib 2/1", "rib 2/1 weft"),
     ],
 )
-def test_one_spelling_is_kept(name: str, same: str) -> None:
+def test_names_are_normalised(name: str, same: str) -> None:
     assert normalise_name(name) == same
     source = WeaveSource(pattern=same)
     changed = source.GetMTime()
@@ -98,14 +98,14 @@ def test_one_spelling_is_kept(name: str, same: str) -> None:
         ("twill 2/2.5", "unknown word"),
     ],
 )
-def test_what_is_no_weave_is_refused_with_what_is(name: str, said: str) -> None:
+def test_unknown_weaves_are_refused_with_the_allowed_ones(name: str, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         WeaveSource(pattern=name)
     assert "satin 8/3" in str(caught.value)
 
 
 @given(st.text(max_size=30))
-def test_any_text_is_a_weave_or_refused(text: str) -> None:
+def test_any_text_is_a_weave_or_an_input_error(text: str) -> None:
     try:
         name = normalise_name(text)
     except InputError:
@@ -235,7 +235,7 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
         ("1,2 x\n", '"2" is not a crossing'),
     ],
 )
-def test_what_is_no_liftplan(tmp_path: Path, text: str, said: str) -> None:
+def test_invalid_liftplans_are_refused(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "dobby.txt"
     file.write_text(text)
     with pytest.raises(InputError, match=said):
@@ -249,7 +249,7 @@ def test_a_text_draft_has_a_loom(tmp_path: Path) -> None:
     assert b"Title=a" in format_wif(found)
 
 
-def test_a_pattern_and_a_draft_are_one_too_many(tmp_path: Path) -> None:
+def test_a_pattern_together_with_a_draft_is_refused(tmp_path: Path) -> None:
     source = WeaveSource(draft=REAL, pattern="twill 2/2")
     with pytest.raises(InputError, match=r"weave\.pattern.*pattern and draft cannot"):
         source.update()

@@ -75,7 +75,7 @@ def test_unequal_cloth() -> None:
     assert weft.crimp.crimp == pytest.approx(0.236891, abs=5e-7)
 
 
-def test_exam_figure() -> None:
+def test_published_exam_question() -> None:
     height = cloth(0.2, 0.3, 0.6, 0.4, warp_crimp=0.09).height
     assert height == pytest.approx(0.15556, abs=5e-6)
     assert degrees(solve(0.4, height, 0.5).theta) == pytest.approx(30.570, abs=5e-4)

@@ -173,7 +173,7 @@ def test_a_warped_piece_is_not_reused_for_the_whole() -> None:
     mover.SetInputConnection(weave.GetOutputPort())
     cage.SetInputConnection(mover.GetOutputPort())
     cage.update(piece=Piece(0, 1))
-    with pytest.raises(GeometryError, match="has only piece 1 of 3"):
+    with pytest.raises(GeometryError, match="only piece 1 of 3 of the input"):
         cage.update(piece=Piece(1, 3))
 
 

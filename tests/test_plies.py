@@ -93,7 +93,7 @@ def test_usual_fibres_lean_by_24_degrees_and_are_that_much_longer() -> None:
     assert length == pytest.approx(1 / np.cos(np.radians(24.0)), rel=1e-5)
 
 
-def test_a_mean_yarn_of_cotton_has_as_many_fibres_as_its_mass_says() -> None:
+def test_number_of_fibres_follows_from_the_mass() -> None:
     diameters = {"warp_diameter": [1e-4, 3e-4], "weft_diameter": 2e-4}
     cloth = WeaveSource(ends=4, picks=4, warp_crimp_height=1e-5, **diameters).cloth
     # Of a mean square of 0.045 mm2, with 912 kg/m3 32.23 tex, of fibres of 1.7 dtex.
@@ -122,7 +122,7 @@ def test_fibres_of_a_straight_yarn_are_helices() -> None:
 
 
 @pytest.mark.parametrize("text", ["Z 600 S", "-600 Z", "600 X", "Z"])
-def test_what_is_no_twist_is_refused(text: str) -> None:
+def test_invalid_twists_are_refused(text: str) -> None:
     with pytest.raises(InputError):
         parse_twist(text)
 

@@ -70,14 +70,14 @@ def test_diameter_is_peirces(ne: float) -> None:
     [
         ("30", "out of range"),
         ("0 Ne", "the yarn count must be more than 0"),
-        ("20 Ne 3", "not known"),
+        ("20 Ne 3", "unknown unit"),
         ("fine", "must be a number"),
         ("-3 tex", "out of range"),
         (-1, "out of range"),
         (True, "must be a number"),
     ],
 )
-def test_what_is_no_yarn_count(text: Any, said: str) -> None:
+def test_invalid_yarn_counts_are_refused(text: Any, said: str) -> None:
     with pytest.raises(InputError, match=rf'warp_count = .*{said}.*"40 Ne"'):
         WeaveSource(warp_count=text)
 
@@ -114,7 +114,7 @@ def test_setts() -> None:
         {"warp_crimp_height": "0.2 mm", "warp_crimp": 0.1},
     ],
 )
-def test_two_words_for_one_thing_are_refused_naming_both(asked: dict[str, Any]) -> None:
+def test_alternative_parameters_are_refused_together(asked: dict[str, Any]) -> None:
     with pytest.raises(InputError) as caught:
         WeaveSource(**asked).update()
     for name in asked:
@@ -149,7 +149,7 @@ def test_crimp_of_either_family() -> None:
 
 @settings(max_examples=60)
 @given(st.floats(0.1, 0.9), st.floats(0.55, 3), st.floats(0.55, 3), st.floats(0, 1))
-def test_any_feasible_crimp_is_met(filling: float, p1: float, p2: float, part: float) -> None:
+def test_any_feasible_crimp_is_reached(filling: float, p1: float, p2: float, part: float) -> None:
     yarns = {"warp_diameter": filling / 2, "weft_diameter": (1 - filling) / 2}
     cloth = measured(**yarns, warp_spacing=p1, weft_spacing=p2)
     for number, name in enumerate(("warp_crimp", "weft_crimp")):
@@ -232,7 +232,7 @@ def wif(tmp_path: Path, *extra: str, threads: int = 4) -> Path:
     return file
 
 
-def test_threads_of_a_wif_one_by_one_and_repeated(tmp_path: Path) -> None:
+def test_thread_values_of_a_wif_are_repeated_over_the_yarns(tmp_path: Path) -> None:
     file = wif(
         tmp_path,
         "WARP:Spacing=0.1",
@@ -308,7 +308,7 @@ def test_thick_yarns_are_refused() -> None:
 
 
 @pytest.mark.parametrize("choice", ["scale", "flatten"])
-def test_what_the_user_gives_is_not_mended(choice: str) -> None:
+def test_given_diameters_are_not_changed(choice: str) -> None:
     cloth = WeaveSource(draft=REAL, thick_yarns=choice, warp_diameter="0.3 mm").cloth
     assert cloth.warp.diameter == 0.3 * MM
     assert cloth.warp.section == "circular"
@@ -317,7 +317,7 @@ def test_what_the_user_gives_is_not_mended(choice: str) -> None:
 
 
 @pytest.mark.parametrize("choice", ["scale", "flatten"])
-def test_thick_yarns_one_by_one(choice: str, tmp_path: Path) -> None:
+def test_thick_yarns_of_unequal_diameters_are_scaled(choice: str, tmp_path: Path) -> None:
     file = wif(tmp_path, "WARP:Spacing=0.1", "WARP:Thickness=0.1", "WARP THICKNESS:2=0.3")
     source = WeaveSource(draft=file, thick_yarns=choice)
     first, second, *_ = np.asarray(source.cloth.warp.diameter)
@@ -353,7 +353,7 @@ def test_feasible_intervals_against_peirces_closed_forms() -> None:
     st.sampled_from([{}, {"warp_crimp_height": 0.1}, {"weft_crimp": 0.05}]),
     st.sampled_from(["circular", "racetrack"]),
 )
-def test_every_interval_is_what_is_accepted(
+def test_accepted_values_are_those_of_the_feasible_intervals(
     d1: float, d2: float, crimp: dict[str, float], section: str
 ) -> None:
     values = {"warp_diameter": d1, "weft_diameter": d2, "warp_spacing": 1.0, "weft_spacing": 1.2}
@@ -374,14 +374,14 @@ def test_every_interval_is_what_is_accepted(
                     made.cloth.check()
 
 
-def test_the_interval_is_known_where_the_value_is_impossible() -> None:
+def test_feasible_intervals_exist_for_impossible_values() -> None:
     found = WeaveSource(warp_diameter="0.7 mm").feasible
     assert found["warp_diameter"][1] == pytest.approx((1 / sqrt(3) - 0.25) * MM, rel=1e-9)
     assert "warp_crimp_height" not in found
     assert "warp_diameter" not in WeaveSource(warp_diameter=[1e-4, 2e-4]).feasible
 
 
-def test_feasible_says_so_where_the_draft_cannot_be_read(tmp_path: Path) -> None:
+def test_feasible_reports_an_unreadable_draft(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none.wif\": no such file"):
         WeaveSource(draft=tmp_path / "none.wif").feasible  # noqa: B018
 

@@ -63,7 +63,7 @@ def test_a_displacement_of_another_size_is_refused() -> None:
             ride.displace(vertices, np.zeros(shape))
 
 
-def test_vertices_go_where_the_cage_says() -> None:
+def test_vertices_move_as_the_cage() -> None:
     vertices, cells = meshes()[1]
     values = np.random.default_rng(2).normal(size=vertices.shape)
     _, shift = smooth(vertices, vertices, cells).displace(vertices, values)
@@ -166,7 +166,7 @@ def test_errors_shrink_faster() -> None:
     assert errors["soft", 4] / errors["soft", 8] > 5
 
 
-def test_the_filter_has_it_as_an_option() -> None:
+def test_the_warp_has_a_smooth_option() -> None:
     ball = pv.Sphere(radius=1.0)
     ball.points = ball.points.astype(np.float64)
     cage = TetraCage(divisions=(3, 3, 3), padding=-0.0)

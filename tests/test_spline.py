@@ -16,7 +16,7 @@ from spacemap_vtk.textile.weave.figures import fabric_figures
 SPLINE = changed(ROUND, axis="spline")
 
 
-def test_spline_is_scipys_other_one() -> None:
+def test_spline_equals_another_spline_of_scipy() -> None:
     """The same curve by B-splines, and through every crossing."""
     path = cloth_axes(SPLINE)[0]
     height = np.where(OVER[:, 1], 0.1, -0.1)

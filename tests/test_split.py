@@ -125,7 +125,7 @@ def test_quadratic_cells_are_split_at_their_middles(kind: str, seed: int) -> Non
 
 
 @pytest.mark.parametrize("shape", ["QuadraticWedge", "QuadraticPyramid", "QuadraticHexahedron"])
-def test_vtk_numbers_the_middles_so(shape: str) -> None:
+def test_midpoints_are_numbered_as_in_vtk(shape: str) -> None:
     grid = getattr(pv.examples.cells, shape)()
     kind = {"QuadraticWedge": WEDGE, "QuadraticPyramid": PYRAMID}.get(shape, HEXAHEDRON)
     corners = kind.nodes - len(kind.edges)
@@ -157,7 +157,7 @@ def test_displacements_in_the_middles_of_edges_count() -> None:
     np.testing.assert_allclose(moved["displacement"][:, 2], [0.025, 0.225, 0.625], atol=1e-6)
 
 
-def test_beside_linear_cells_the_corners_are_used() -> None:
+def test_corners_are_used_next_to_linear_cells() -> None:
     quadratic = pv.examples.cells.QuadraticHexahedron()
     grid = quadratic.merge(pv.examples.cells.Hexahedron().translate((5, 0, 0)))
     grid["number"] = np.arange(28)
@@ -183,7 +183,7 @@ def test_a_cage_from_a_file(tmp_path: Path) -> None:
         cage_of(pv.Sphere(), method="file", file=tmp_path / "surface.vtp")
 
 
-def test_inverted_and_flat_tetrahedra_are_mended_and_told() -> None:
+def test_inverted_and_flat_tetrahedra_are_repaired_and_reported() -> None:
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [1, 1, 1.0]])
     cells = np.array([[0, 1, 2, 3], [1, 2, 3, 5], [0, 1, 2, 4], [0, 1, 1, 3]])
     cells[1] = cells[1][[1, 0, 2, 3]]

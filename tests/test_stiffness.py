@@ -81,7 +81,7 @@ def test_yarns_that_hardly_stretch_exchange_crimp(p1, expected):
 
 
 @pytest.mark.parametrize("pattern", ["plain", "twill 2/2", "satin 5/2"])
-def test_a_pull_both_ways_is_resisted_by_tension(pattern):
+def test_biaxial_tension_is_resisted_by_the_yarns_tension(pattern):
     """Balanced cloth, hard contact: both yarns strain alike, and heights stay."""
     cloth, p = woven(pattern, size=40), 0.5e-3
     theta, _, length, _ = cloth.families[0].crimp
@@ -150,7 +150,7 @@ def test_cloth_bends_as_its_yarns_do_along_their_axes(pattern, flat):
     assert plate.bending[0, 1] == 0.0
 
 
-def test_a_square_cloth_bends_alike_in_all_directions():
+def test_a_square_cloth_bends_equally_in_all_directions():
     bending = cloth_stiffness(woven(), cotton()).bending
     for angle in np.linspace(0, np.pi, 7):
         c, s = np.cos(angle), np.sin(angle)
@@ -179,7 +179,7 @@ def contact_lean(cloth, bending, changes=1.0, modulus=1e7):
     ("pattern", "repeats"),
     [("plain", 2), ("twill 2/2", 4), ("twill 3/1", 4), ("satin 5/2", 5), ("satin 8/3", 8)],
 )
-def test_how_much_cloth_is_drawn_does_not_count(pattern, repeats):
+def test_stiffness_does_not_depend_on_the_size_of_the_cloth(pattern, repeats):
     """One repeat, twelve, and a part of one behind six: the cloth is the same."""
     yarns = cotton(contact=9.0)
     one, *others = (
@@ -226,7 +226,7 @@ def test_shear_bends_rods_between_crossings():
     assert beams < 1 / soft
 
 
-def test_a_float_is_one_beam():
+def test_a_float_acts_as_one_beam():
     cloth = woven("satin 5/2", size=50)
     length = float(cloth.families[0].crimp.length)
     cubes = 2 * length**3 + (3 * 0.5e-3) ** 3
@@ -240,7 +240,7 @@ def test_a_float_is_one_beam():
     assert found < 0.35 * plain
 
 
-def test_yarns_that_make_no_sheet_are_refused():
+def test_yarns_without_finite_stiffness_are_refused():
     for yarns, key in (
         (YarnMechanics(contact=np.inf, bending=(B, B)), "tension"),
         (cotton(bending=(B, 0.0)), "bending"),

@@ -80,7 +80,7 @@ def test_positions_are_vtks(p, q, subdivisions):
 
 @pytest.mark.parametrize("count", [1, 335, 336, 337, 5000])
 @pytest.mark.parametrize("threads", [1, 3])
-def test_every_chunk_lands_in_its_place(count, threads):
+def test_chunks_are_written_to_their_rows(count, threads):
     points, connectivity = random_patches(count, 3, 3, shared=count % 2 == 0)
     surface = Tessellation(connectivity, (3, 3), 3, threads=threads)
     positions, normals = surface.evaluate(points)
@@ -317,7 +317,7 @@ def test_results_are_never_overwritten():
         np.testing.assert_array_equal(np.asarray(view), copy)
 
 
-def test_vtk_keeps_the_memory_it_shares():
+def test_memory_shared_with_vtk_is_not_reused():
     points, connectivity = random_patches(2000, 3, 3, shared=False)
     surface = Tessellation(connectivity, (3, 3), 3)
     data = vtkPolyData()
@@ -332,7 +332,7 @@ def test_vtk_keeps_the_memory_it_shares():
     assert data.GetPoint(12345) == before
 
 
-def test_memory_is_used_again():
+def test_memory_of_results_is_reused():
     recycler = ArrayPool()
     first = recycler.empty((1000, 3), np.float32)
     address = first.ctypes.data
@@ -352,7 +352,7 @@ def test_memory_is_used_again():
     assert ArrayPool().empty((0, 3), np.float32).shape == (0, 3)
 
 
-def test_two_callers_at_once():
+def test_two_threads_may_evaluate_at_once():
     points, connectivity = random_patches(4000, 3, 3, shared=False)
     surface = Tessellation(connectivity, (3, 3), 3)
     expected = [surface.evaluate(points + step)[0].copy() for step in range(2)]
@@ -383,7 +383,7 @@ def test_an_error_in_a_thread_is_raised(monkeypatch):
         surface.evaluate(points)
 
 
-def test_an_array_that_dies_runs_no_python() -> None:
+def test_deleting_an_array_runs_no_python() -> None:
     recycler = ArrayPool()
     array, told = recycler.empty((10,), np.float64), []
     sys.setprofile(lambda _frame, event, _argument: told.append(event))
@@ -426,7 +426,7 @@ thread.join()
 """
 
 
-def test_a_thread_that_lets_go_of_arrays_and_one_of_vtk_objects_both_go_on() -> None:
+def test_threads_that_release_arrays_and_vtk_objects_do_not_block() -> None:
     # VTK's collector freed the last frame's array, whose memory Python gave back; Python let the
     # other thread work, which waited for the collector: the window stood still for ever.
     subprocess.run([sys.executable, "-c", _TWO_THREADS], check=True, timeout=100)

@@ -238,7 +238,7 @@ def called(*words: object) -> int:
     return int(ended.value.code or 0)
 
 
-def test_a_loop_is_as_thick_as_it_says() -> None:
+def test_loops_have_the_stated_diameter() -> None:
     scene = Scene({"loops": {"count": 1}})
     scene.update()
     places, slopes, _ = scene.part(Loops).curves()
@@ -249,7 +249,7 @@ def test_a_loop_is_as_thick_as_it_says() -> None:
     assert far.max() == pytest.approx(2e-4, rel=0.03)
 
 
-def test_its_figures_are_its_own(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_textile_has_its_own_figures(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert called("info", scene, "--json") == 0
     found = json.loads(capsys.readouterr().out)
     own = found["textile"]
@@ -270,7 +270,7 @@ def test_its_figures_are_its_own(scene: Path, capsys: pytest.CaptureFixture[str]
     assert "crimp" not in told
 
 
-def test_a_weave_says_as_much_of_its_yarns() -> None:
+def test_a_weave_states_the_same_figures() -> None:
     scene = Scene({"weave": {"ends": 3, "picks": 2, "weft_diameter": 3e-4}})
     assert scene.textile is scene.source
     np.testing.assert_allclose(scene.textile.yarn_diameters, [2.5e-4] * 3 + [3e-4] * 2)
@@ -285,7 +285,7 @@ def test_a_weave_says_as_much_of_its_yarns() -> None:
     assert scene.woven is scene.textile
 
 
-def test_it_is_drawn_and_exported_but_has_no_draft(
+def test_a_textile_without_draft_is_drawn_and_exported(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert called("render", scene, "-o", tmp_path / "a.png", "--size=320x240", "-q") == 0
@@ -351,11 +351,11 @@ def test_yarns_without_a_diameter_are_refused() -> None:
         section = "bare"
         role = "source"
 
-    with pytest.raises(NotImplementedError, match="Bare does not state its yarns' diameters"):
+    with pytest.raises(NotImplementedError, match="Bare must define yarn_diameters"):
         _ = Bare().yarn_diameters
 
 
-def test_a_source_states_the_mechanics_of_its_yarns() -> None:
+def test_a_source_may_define_the_mechanics_of_its_yarns() -> None:
     modal = {"elements": "sheet", "material": "yarns"}
     scene = Scene({"tabby": {}, "modal": modal})
     scene.update()

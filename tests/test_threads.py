@@ -163,13 +163,13 @@ def rounds(count: int, first: int, folder: Path) -> Counter[str]:
 
 
 @pytest.mark.filterwarnings("ignore::spacemap_vtk.errors.SpacemapWarning")
-def test_threads_for_some_rounds(tmp_path: Path) -> None:
+def test_threads_survive_some_rounds(tmp_path: Path) -> None:
     assert rounds(3, 1, tmp_path)["own"] == 9 * THREADS
 
 
 @pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::spacemap_vtk.errors.SpacemapWarning")
-def test_threads_for_many_rounds(tmp_path: Path) -> None:
+def test_threads_survive_many_rounds(tmp_path: Path) -> None:
     first = int(os.environ.get("SPACEMAP_SEED", datetime.date.today().toordinal()))
     counts = rounds(int(os.environ.get("SPACEMAP_ROUNDS", 50)), first, tmp_path)
     assert counts["refused"] > 0 < counts["done"]

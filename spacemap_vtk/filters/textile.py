@@ -44,7 +44,7 @@ class Textile:
     @property
     def yarn_diameters(self) -> Floats:
         """Diameter of each yarn [m], (yarns,); of a flattened yarn, its height."""
-        raise NotImplementedError(f"{type(self).__name__} does not state its yarns' diameters")
+        raise NotImplementedError(f"{type(self).__name__} must define yarn_diameters")
 
     @property
     def families(self) -> Mapping[str, int]:
@@ -104,7 +104,7 @@ class Woven(Textile):
         SizeError
             If the crossings alone do not fit into memory; `counts` checks the patches.
         """
-        raise NotImplementedError(f"{type(self).__name__} does not state its cloth")
+        raise NotImplementedError(f"{type(self).__name__} must define cloth")
 
     @property
     def counts(self) -> PatchCounts:
@@ -119,7 +119,7 @@ class Woven(Textile):
         SizeError
             If the patches would not fit into memory.
         """
-        raise NotImplementedError(f"{type(self).__name__} does not count its patches")
+        raise NotImplementedError(f"{type(self).__name__} must define counts")
 
     @property
     def source(self) -> Draft:
@@ -130,12 +130,12 @@ class Woven(Textile):
         InputError
             If the draft cannot be read.
         """
-        raise NotImplementedError(f"{type(self).__name__} does not state what it weaves")
+        raise NotImplementedError(f"{type(self).__name__} must define source")
 
     @property
     def fibre_share(self) -> float:
         """Share of fibre in a yarn's section; the rest is air."""
-        raise NotImplementedError(f"{type(self).__name__} does not state its share of fibre")
+        raise NotImplementedError(f"{type(self).__name__} must define fibre_share")
 
     @property
     def feasible(self) -> Mapping[str, tuple[float, float]]:
@@ -179,7 +179,7 @@ class Woven(Textile):
         part : YarnSelection, optional
             Slices of the yarns whose crossings it makes; by default all.
         """
-        raise NotImplementedError(f"{type(self).__name__} does not make parts of its cloth")
+        raise NotImplementedError(f"{type(self).__name__} must define lend")
 
     @property
     def yarn_diameters(self) -> Floats:
