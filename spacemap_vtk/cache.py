@@ -61,10 +61,10 @@ def folder() -> Path | None:
 
 def load(key: str, **shapes: tuple[int, ...]) -> dict[str, NDArray[Any]] | None:
     """Load all arrays of an entry, or those of the given shapes; -1 matches any length."""
-    place = folder()
-    if place is None:
+    cache_folder = folder()
+    if cache_folder is None:
         return None
-    path = _entry_path(place, key)
+    path = _entry_path(cache_folder, key)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             raise ValueError(path)  # reading from a pipe would never end
@@ -104,30 +104,30 @@ def _has_shape(array: NDArray[Any], shape: tuple[int, ...]) -> bool:
 
 def store(key: str, **arrays: NDArray[Any]) -> None:
     """Store arrays; an entry with the same key is replaced."""
-    place = folder()
+    cache_folder = folder()
     size = sum(array.nbytes for array in arrays.values())
-    if place is None or size > MAX_BYTES / 2:
+    if cache_folder is None or size > MAX_BYTES / 2:
         return
     with contextlib.suppress(OSError):
-        place.mkdir(parents=True, exist_ok=True)
-        look = _stored["bytes"] + size > _SCAN_SHARE * MAX_BYTES
-        with temporary_folder(place, look) as room:
-            np.savez(room / "entry.npz", **arrays)  # type: ignore[arg-type]
-            os.replace(room / "entry.npz", _entry_path(place, key))
+        cache_folder.mkdir(parents=True, exist_ok=True)
+        scan = _stored["bytes"] + size > _SCAN_SHARE * MAX_BYTES
+        with temporary_folder(cache_folder, scan) as temporary:
+            np.savez(temporary / "entry.npz", **arrays)  # type: ignore[arg-type]
+            os.replace(temporary / "entry.npz", _entry_path(cache_folder, key))
         _stored["bytes"] += size
-        if look:
-            _remove_oldest(place)
+        if scan:
+            _remove_oldest(cache_folder)
             _stored["bytes"] = 0
 
 
-def _entry_path(place: Path, key: str) -> Path:
-    return place / f"{key}-{_FORMAT}.npz"
+def _entry_path(cache_folder: Path, key: str) -> Path:
+    return cache_folder / f"{key}-{_FORMAT}.npz"
 
 
-def _remove_oldest(place: Path) -> None:
+def _remove_oldest(cache_folder: Path) -> None:
     """Remove the least recently used entries until the rest fits."""
     entries = []
-    for path in [*place.glob("*.npz"), *place.glob("*.part")]:
+    for path in [*cache_folder.glob("*.npz"), *cache_folder.glob("*.part")]:
         with contextlib.suppress(OSError):
             status = path.stat()
             entries.append((status.st_mtime, status.st_size, path))

@@ -119,18 +119,18 @@ def compile_function(function: Function) -> Function:
             if place is None:
                 raise RuntimeError
             config.CACHE_DIR = str(place / "compiled")
-        made: Function = njit(**options, cache=True)(function)
+        compiled: Function = njit(**options, cache=True)(function)
     except RuntimeError:  # there is no folder for machine code
-        made = njit(**options)(function)
+        compiled = njit(**options)(function)
     finally:
         config.CACHE_DIR = usual
-    return made
+    return compiled
 
 
 def load_loops(name: str, many: bool) -> ModuleType | None:
     """Import a module of compiled loops; None if there are too few points or no compiler."""
-    wish = os.environ.get("SPACEMAP_COMPILED")
-    if wish == "never" or (wish != "always" and not many):
+    setting = os.environ.get("SPACEMAP_COMPILED")
+    if setting == "never" or (setting != "always" and not many):
         return None
     try:
         from numba import config

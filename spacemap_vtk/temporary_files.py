@@ -55,19 +55,19 @@ def temporary_path(path: Path) -> Iterator[Path]:
                 atexit.unregister(last)
 
 
-def hidden_path(place: Path) -> Path:
+def hidden_path(parent: Path) -> Path:
     """Return an unused path for a hidden file or folder in a folder."""
-    return place / f"{_PREFIX}{os.urandom(6).hex()}"
+    return parent / f"{_PREFIX}{os.urandom(6).hex()}"
 
 
 @contextmanager
-def temporary_folder(place: Path | None = None, look: bool = True) -> Iterator[Path]:
+def temporary_folder(parent: Path | None = None, clean: bool = True) -> Iterator[Path]:
     """Yield a new folder that is removed with its contents when the block ends, however it ends."""
-    place = Path(tempfile.gettempdir()) if place is None else place
-    if look:
-        remove_abandoned(place)
+    parent = Path(tempfile.gettempdir()) if parent is None else parent
+    if clean:
+        remove_abandoned(parent)
     # The lock is released only after the folder has been removed.
-    with ExitStack() as held, temporary_path(hidden_path(place)) as folder:
+    with ExitStack() as held, temporary_path(hidden_path(parent)) as folder:
         lock_folder(folder, held)
         yield folder
 
@@ -116,16 +116,16 @@ else:
         return os.path.samestat(os.fstat(handle), folder.stat())
 
 
-def remove_abandoned(place: Path) -> None:
+def remove_abandoned(parent: Path) -> None:
     """Remove the folders that killed processes have left."""
     with suppress(OSError):
-        for name in os.listdir(place):
+        for name in os.listdir(parent):
             with suppress(OSError), ExitStack() as held:
                 if not name.startswith(_PREFIX):
                     continue
-                folder = place / name
+                folder = parent / name
                 known = folder.lstat()
-                # In a shared place another user can make folders of such a name: leave those alone.
+                # In a shared folder another user may use such a name: leave those folders alone.
                 own = sys.platform == "win32" or known.st_uid == os.getuid()
                 if own and stat.S_ISDIR(known.st_mode):
                     try_lock(folder, held)
@@ -135,33 +135,33 @@ def remove_abandoned(place: Path) -> None:
 @contextmanager
 def delay_signals() -> Iterator[None]:
     """Delay signals while a short block runs, and deliver the first of them afterwards."""
-    handlers, heard = {}, []
+    handlers, received = {}, []
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGINT, *END_SIGNALS):
             # Only a handler that Python has set can be restored.
             if signal.getsignal(number) is not None:
-                handlers[number] = signal.signal(number, lambda number, _: heard.append(number))
+                handlers[number] = signal.signal(number, lambda number, _: received.append(number))
     try:
         yield
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-        for number in heard[:1]:
+        for number in received[:1]:
             signal.raise_signal(number)
 
 
 @contextmanager
 def raise_on_signals() -> Iterator[None]:
     """Let the signals that end the program raise SystemExit during the block."""
-    answered = []
+    handled = []
     if threading.current_thread() is threading.main_thread():
-        answered = [each for each in END_SIGNALS if signal.getsignal(each) == signal.SIG_DFL]
-    for number in answered:
+        handled = [each for each in END_SIGNALS if signal.getsignal(each) == signal.SIG_DFL]
+    for number in handled:
         signal.signal(number, _raise_exit)
     try:
         yield
     finally:
-        for number in answered:
+        for number in handled:
             signal.signal(number, signal.SIG_DFL)
 
 

@@ -70,8 +70,8 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
         name = _PREFIX + family
         add_array(field, f"{name}_diameter", np.array(threads.diameter, np.float64, ndmin=1))
         # A single yarn may have an empty list of spacings; an array needs at least one value.
-        apart = np.array(threads.spacing, np.float64, ndmin=1)
-        add_array(field, f"{name}_spacing", apart if apart.size else np.array([nan]))
+        spacing = np.array(threads.spacing, np.float64, ndmin=1)
+        add_array(field, f"{name}_spacing", spacing if spacing.size else np.array([nan]))
         kind = SECTIONS.index(threads.section)
         add_array(field, f"{name}_section", np.array([kind, threads.aspect]))
         twist = nan if threads.twist is None else threads.twist

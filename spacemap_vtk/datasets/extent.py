@@ -36,8 +36,8 @@ def bounds_of_whole(data: vtkDataSet, piece: Piece, processes: Processes | None)
     own = data.GetBounds()
     if piece.total == 1:
         return own
-    told = data.GetFieldData().GetArray(_NAME)
-    rows = None if told is None else vtk_to_numpy(told).reshape(2, 6)
+    stored = data.GetFieldData().GetArray(_NAME)
+    rows = None if stored is None else vtk_to_numpy(stored).reshape(2, 6)
     trusted = rows is not None and bool(np.array_equal(rows[0], own))
     if processes is not None:
         sign = np.tile([-1.0, 1.0], 3)

@@ -48,20 +48,20 @@ def make_envelope(low: Floats, high: Floats, touch: Touch, distance: float) -> O
     # isosurface of the distance to these voxels, so it also exists for open, self-intersecting and
     # non-manifold objects.
     voxel = max(distance / 1.5, float((high - low).max()) / _MOST_VOXELS)
-    room = distance + 3 * voxel
-    counts = np.ceil((high - low + 2 * room) / voxel).astype(np.int64)
-    origin = low - room
+    padding = distance + 3 * voxel
+    counts = np.ceil((high - low + 2 * padding) / voxel).astype(np.int64)
+    origin = low - padding
     solid = grow_cells(touch(origin, np.full(3, voxel), counts.tolist()), 0, True)
     # A point in a voxel is at most half a diagonal, 0.87 voxels, from the voxel's centre.
     reach = distance + 0.9 * voxel
     from scipy import ndimage  # imported here: it takes a tenth of a second
 
-    away = ndimage.distance_transform_edt(~solid) * voxel
+    distances = ndimage.distance_transform_edt(~solid) * voxel
     image = vtkImageData()
     image.SetDimensions(*counts.tolist())
     image.SetSpacing(voxel, voxel, voxel)
     image.SetOrigin(*(origin + voxel / 2).tolist())
-    image.GetPointData().SetScalars(to_array(away.ravel(), "distance"))
+    image.GetPointData().SetScalars(to_array(distances.ravel(), "distance"))
     maker = vtkFlyingEdges3D()
     maker.SetInputData(image)
     maker.SetValue(0, reach)

@@ -71,8 +71,9 @@ class Processes:
         controller = vtkMultiProcessController.GetGlobalController()
         if controller is None:
             return None
-        made = cls(controller)
-        return made if (piece.number, piece.total) == (made.rank, made.size) else None
+        processes = cls(controller)
+        is_own_piece = (piece.number, piece.total) == (processes.rank, processes.size)
+        return processes if is_own_piece else None
 
     def check_peers(self) -> None:
         """Raise PeerError if another process has failed."""
@@ -80,8 +81,8 @@ class Processes:
 
     def finish(self, warnings: Sequence[str]) -> list[str]:
         """End a run that succeeded here; return the warnings of all processes."""
-        told = self._exchange(warnings=list(warnings))
-        return list(dict.fromkeys(text for item in told for text in item.get("warnings", [])))
+        messages = self._exchange(warnings=list(warnings))
+        return list(dict.fromkeys(text for item in messages for text in item.get("warnings", [])))
 
     def fail(self, error: BaseException) -> None:
         """End a run that failed here, and send the error unless all processes know of it."""
@@ -96,43 +97,43 @@ class Processes:
     def make_in_first(self, make: Callable[[], Sequence[Floats]]) -> list[Floats]:
         """Make arrays in the first process only, and send them to all."""
         self.check_peers()
-        made: list[Floats] = []
+        arrays: list[Floats] = []
         shapes: list[list[int]] = []
         if self.rank == 0:
             try:
-                made = [np.ascontiguousarray(a, dtype=np.float64) for a in make()]
+                arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in make()]
             except BaseException as error:
                 self.fail(error)
                 raise
-            shapes = [list(array.shape) for array in made]
+            shapes = [list(array.shape) for array in arrays]
         shapes = self._exchange(shapes=shapes)[0].get("shapes", [])
         if self.rank != 0:
-            made = [np.empty(shape) for shape in shapes]
-        for array in made:
+            arrays = [np.empty(shape) for shape in shapes]
+        for array in arrays:
             if array.size:
                 self._controller.Broadcast(numpy_to_vtk(array.reshape(-1)), 0)
-        return made
+        return arrays
 
     def _exchange(self, **facts: Any) -> list[dict[str, Any]]:
         """Return the facts that each process sends; raise PeerError if another one has failed."""
         facts = {key: value for key, value in facts.items() if value}
-        said = np.frombuffer(json.dumps(facts).encode() if facts else b"", dtype=np.uint8)
-        length = int(self._largest([len(said)])[0])
+        payload = np.frombuffer(json.dumps(facts).encode() if facts else b"", dtype=np.uint8)
+        length = int(self._largest([len(payload)])[0])
         if length == 0:
             return [{}] * self.size
         padded = np.full(length, ord(" "), dtype=np.uint8)
-        padded[: len(said)] = said
+        padded[: len(payload)] = payload
         rows = self._gather(padded).reshape(self.size, length)
-        told = [json.loads(row.tobytes().strip() or b"{}") for row in rows]
-        failed = [rank for rank, item in enumerate(told) if "error" in item]
+        messages = [json.loads(row.tobytes().strip() or b"{}") for row in rows]
+        failed = [rank for rank, item in enumerate(messages) if "error" in item]
         if failed:
             self._all_informed = True
             if self.rank not in failed:
                 where = ", ".join(str(rank) for rank in failed)
                 raise PeerError(
-                    f"rank {where} of {self.size} has failed: {told[failed[0]]['error']}"
+                    f"rank {where} of {self.size} has failed: {messages[failed[0]]['error']}"
                 )
-        return told
+        return messages
 
     def _largest(self, values: ArrayLike) -> Floats:
         own = np.ascontiguousarray(values, dtype=np.float64)

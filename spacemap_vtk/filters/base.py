@@ -205,7 +205,7 @@ class Stage(Algorithm):
             stages = [each for each in above if isinstance(each, Stage)]
             self._connected_time, self._upstream = changed, [weakref.ref(stage) for stage in stages]
         self._vtk_messages.clear()
-        taken = _claim(stages)
+        claimed = _claim(stages)
         # VTK's garbage collector scans the whole graph whenever Python deletes a wrapper. It can be
         # deferred in the main thread only; in another thread "Pop" would never return.
         deferred = threading.current_thread() is threading.main_thread()
@@ -224,8 +224,8 @@ class Stage(Algorithm):
         finally:
             if deferred:
                 vtkGarbageCollector.DeferredCollectionPop()
-            errors = [stage._error for stage in reversed(taken) if stage._error is not None]
-            for stage in taken:
+            errors = [stage._error for stage in reversed(claimed) if stage._error is not None]
+            for stage in claimed:
                 stage._updated_by = stage._error = None
         if errors:
             raise errors[0]
@@ -397,19 +397,19 @@ def _claim(stages: Sequence[Stage]) -> list[Stage]:
     """Claim stages for an update by this thread; return those that it had not claimed before."""
     own = threading.get_ident()
     with _claim_lock:
-        taken = [stage for stage in stages if stage._updated_by != own]
-        for stage in taken:
+        claimed = [stage for stage in stages if stage._updated_by != own]
+        for stage in claimed:
             if stage._updated_by is not None:
                 raise SpacemapError(
                     f"another thread is updating {type(stage).__name__}",
                     cure="Give each thread its own pipeline, or protect the update and the use of "
                     "its output with a threading.Lock.",
                 )
-        for stage in taken:
+        for stage in claimed:
             stage._updated_by, stage._error, stage.rotation_removed = own, None, False
             if stage._changed_in_run:
                 stage.Modified()
-    return taken
+    return claimed
 
 
 def _check_connected(stage: vtkAlgorithm) -> None:

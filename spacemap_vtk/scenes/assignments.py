@@ -160,11 +160,11 @@ def _with_unit(value: float, parameter: Real) -> Any:
 def _list_or_items(values: list[Any], parameter: Parameter[Any]) -> list[Any]:
     """Return a list as one value if the parameter accepts it, otherwise its items."""
 
-    def taken(value: Any) -> bool:
+    def is_accepted(value: Any) -> bool:
         with suppress(InputError):
             parameter.check(value)
             return True
         return False
 
     # If no item is accepted either, the list is refused as a whole.
-    return values if not taken(values) and any(map(taken, values)) else [values]
+    return values if not is_accepted(values) and any(map(is_accepted, values)) else [values]

@@ -108,10 +108,10 @@ def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
 def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     """Return the figures of the whole cloth, of its cage and of its motion."""
 
-    def figure(key: str, label: str, unit: str, text: str, factor: float = 1) -> Figure:
+    def figure(key: str, label: str, unit: str, template: str, factor: float = 1) -> Figure:
         value = figures[key]
-        told = UNKNOWN if value is None else text.format(factor * value)
-        return Figure(key, label, told, value, unit)
+        text = UNKNOWN if value is None else template.format(factor * value)
+        return Figure(key, label, text, value, unit)
 
     treadles, thickness = figures["treadles"], figures["thickness"]
     heights = figures["feasible_height"] or [None]
@@ -192,7 +192,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
     """Return the figures that a source that is not woven declares for its yarns."""
     diameters = textile.yarn_diameters
     low, high = float(diameters.min()), float(diameters.max())
-    told = (
+    text = (
         _format_figure(low, "m")
         if low == high
         else f"{_format_figure(low, 'm')} to {_format_figure(high, 'm')}"
@@ -200,7 +200,7 @@ def textile_figures(textile: Textile) -> list[Figure]:
     families = ", ".join(f"{count} {name}" for name, count in textile.families.items())
     found = [
         Figure("yarns", "yarns", families, len(diameters)),
-        Figure("diameter", "diameter d", told, float(diameters.mean()), "m"),
+        Figure("diameter", "diameter d", text, float(diameters.mean()), "m"),
     ]
     if (masses := textile.linear_densities) is not None:
         mean = float(masses.mean())
@@ -221,16 +221,16 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
     if hung is None:
         return []
     sag, drape = hung["sag"], hung["drape_coefficient"]
-    told = format_quantity(sag, "m", 4)
-    found = [Figure("sag", "sag", told, sag, "m")]
+    text = format_quantity(sag, "m", 4)
+    found = [Figure("sag", "sag", text, sag, "m")]
     if hung["shadow_area"] is not None:
         share = hung["shadow_area"] / hung["cloth_area"]
         found.append(Figure("shadow", "shadow", f"{share:.1%} of the cloth", share, "%"))
     if drape is not None:
-        told = f"{drape:.1%} (Cusick)"
+        text = f"{drape:.1%} (Cusick)"
         if (error := hung["drape_coefficient_error"]) is not None:
-            told = f"{drape:.1%} ± {error:.1%} (Cusick)"
-        found.append(Figure("drape_coefficient", "drape coefficient", told, drape, "%"))
+            text = f"{drape:.1%} ± {error:.1%} (Cusick)"
+        found.append(Figure("drape_coefficient", "drape coefficient", text, drape, "%"))
     return found
 
 
@@ -243,8 +243,8 @@ def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:
     distance = found["distance"] if abs(found["distance"]) > touching else 0.0
     place = ", ".join(_format_figure(x, "m") for x in found["place"])
     names = [f"end {n + 1}" if n < ends else f"pick {n - ends + 1}" for n in found["yarns"]]
-    told = f"{_format_figure(distance, 'm')} ({' and '.join(names)}, at {place})"
-    return Figure(key, label, told, distance, "m")
+    text = f"{_format_figure(distance, 'm')} ({' and '.join(names)}, at {place})"
+    return Figure(key, label, text, distance, "m")
 
 
 def _format_figure(value: float | None, unit: str | None) -> str:

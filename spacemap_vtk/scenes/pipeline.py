@@ -82,9 +82,9 @@ def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) 
     found = choose_stages(parts, given)
     for stage in parts.values():
         if isinstance(stage, Stage) and stage.section in given and stage not in found:
-            alike = [other for other in found if other.role == stage.role]
-            alike += [other for other in found if other.makes == stage.makes]
-            section = alike[0].section
+            rivals = [other for other in found if other.role == stage.role]
+            rivals += [other for other in found if other.makes == stage.makes]
+            section = rivals[0].section
             raise InputError(
                 f"cannot be combined with [{section}]",
                 key=stage.section,

@@ -173,32 +173,32 @@ def report_last_motion(scene: Scene) -> dict[str, Any] | None:
 
 def describe_motion(figures: dict[str, Any]) -> str:
     """Return the figures of `report_motion` as a sentence, with cures if they are out of range."""
-    told, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
+    text, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
     if not figures["rebuilt"]:
-        told += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
-        told += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
-        told += ": a section [rotation] removes the artificial stretch" if large else ""
+        text += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
+        text += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
+        text += ": a section [rotation] removes the artificial stretch" if large else ""
     if figures["largest_rotation_deg"] > math.degrees(TRUSTED_ROTATION):
-        told += (
+        text += (
             f"; above {math.degrees(TRUSTED_ROTATION):.0f}° a linear motion has a wrong shape, "
             "even with [rotation]: use [transient] instead of [response]"
         )
     if large and math.isfinite(figures["period_factor"]):
-        told += (
+        text += (
             f"; a swing of this size takes {figures['period_factor']:.3g} times as long: "
             "[transient] instead of [response] shows it"
         )
-    return told
+    return text
 
 
 def summarise_motion(figures: dict[str, Any]) -> str:
     """Return the most important part of `describe_motion`, without the cures."""
-    told = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
+    text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
     if not figures["rebuilt"]:
-        return f"{told}, lengths change by {100 * figures['largest_stretch']:.3g} %"
+        return f"{text}, lengths change by {100 * figures['largest_stretch']:.3g} %"
     if math.isfinite(figures["period_factor"]):
-        return f"{told}, and takes {figures['period_factor']:.3g} times as long as shown"
-    return told
+        return f"{text}, and takes {figures['period_factor']:.3g} times as long as shown"
+    return text
 
 
 def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | None:
@@ -281,9 +281,9 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if time is not None and not scene.moves:
         raise InputError("the scene does not move", key="time", cure="Add a section [response].")
     figures, over = report_cloth(scene), woven.cloth.drawdown
-    room = figures["thickness"] is not None
+    yarns_fit = figures["thickness"] is not None
     solver, made = scene.stage("solver"), scene.stage("cage")
-    if room and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
+    if yarns_fit and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
         scene.update_stage(made)
         with add_section_to_errors(solver.section):
             figures |= report_sheet(solver.sheet_figures(made.output))
@@ -294,7 +294,7 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if over.size > MOST_CROSSINGS:
         if figures["least_clearance"] is None:
             scene.warn(f"the least clearance is not computed: over {MOST_CROSSINGS} crossings")
-    elif room and time is not None:
+    elif yarns_fit and time is not None:
         scene.update_stage(scene.warp, time)
         moved = points_of(scene.patches)
         figures["deformed_clearance"] = _report_clearance(
@@ -306,12 +306,12 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
 
 def report_cloth(scene: Scene) -> dict[str, Any]:
     """Return the figures of a fabric that are quick to compute, without clearance or cage."""
-    room = not isinstance(scene.find_obstacle(), GeometryError)
+    yarns_fit = not isinstance(scene.find_obstacle(), GeometryError)
     textile = scene.woven
     assert textile is not None
     woven, over = textile.cloth, textile.cloth.drawdown
     figures = _NO_FIGURES | {"ends": over.shape[1], "picks": over.shape[0]}
-    if room:
+    if yarns_fit:
         figures |= fabric_figures(woven)
         figures["fibre_volume_fraction"] = textile.fibre_share * figures["volume_fraction"]
         figures["feasible_height"] = list(woven.feasible_heights)

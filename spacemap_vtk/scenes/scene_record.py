@@ -50,9 +50,9 @@ def scene_values(scene: Scene) -> dict[str, Any]:
             and part not in scene.stages
         ):
             continue
-        said = _changed_values(part, folder, scene.object.section in scene.given_sections)
-        if said or name in scene.given_sections:
-            values[name] = said
+        changed = _changed_values(part, folder, scene.object.section in scene.given_sections)
+        if changed or name in scene.given_sections:
+            values[name] = changed
     return values
 
 
@@ -62,9 +62,9 @@ def describe_outside_files(scene: Scene) -> Iterator[str]:
     # that the user has named are not reported.
     for stage in scene.stages:
         for key, value in stage.settings.items():
-            said = scene.file is not None and (stage.section, key) not in scene.assigned
+            from_file = scene.file is not None and (stage.section, key) not in scene.assigned
             for path in (one for word in paths_in(value) for one in _matching_files(word)):
-                scenes = [scene.file] if said and scene.file else []
+                scenes = [scene.file] if from_file and scene.file else []
                 for by, other in [*((each, path) for each in scenes), *file_references(path)]:
                     place = os.path.realpath(other)
                     if not any(_is_inside(place, each.parent) for each in (by, *scenes)):

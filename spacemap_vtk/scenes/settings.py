@@ -188,10 +188,10 @@ class View(Parameterised):
         """Colour of the cage's edges that can be seen: red, green and blue from 0 to 255."""
         if self.cage_color is not None:
             return self.cage_color
-        look = self.resolved_style
-        dark = is_dark(look.bottom_color)
-        if look.line_color is not None and is_dark(look.line_color) != dark:
-            return look.line_color
+        style = self.resolved_style
+        dark = is_dark(style.bottom_color)
+        if style.line_color is not None and is_dark(style.line_color) != dark:
+            return style.line_color
         return LINES_ON_DARK if dark else LINES
 
 

@@ -67,12 +67,12 @@ class Run:
     @property
     def digest(self) -> str:
         """Digest of the values, times, contents of the input files and the program's version."""
-        told = [__version__, self.scene_values, self.times]
-        found = hashlib.sha256(json.dumps(told, default=str, sort_keys=True).encode())
+        values = [__version__, self.scene_values, self.times]
+        digest = hashlib.sha256(json.dumps(values, default=str, sort_keys=True).encode())
         for path in sorted(set(paths_in(self.scene_values))):
             if os.path.isfile(path):
-                found.update(path.read_bytes())
-        return found.hexdigest()[:32]
+                digest.update(path.read_bytes())
+        return digest.hexdigest()[:32]
 
 
 @dataclass
@@ -150,9 +150,9 @@ def make_sweep(
             )
     axes = [each for each in lists if len(each.values) > 1]
     if paired and len({len(each.values) for each in axes}) > 1:
-        told = ", ".join(f"{each.name} has {len(each.values)}" for each in axes)
+        lengths = ", ".join(f"{each.name} has {len(each.values)}" for each in axes)
         raise InputError(
-            f"paired lists must have the same length: {told}",
+            f"paired lists must have the same length: {lengths}",
             cure="Leave out --zip to run all combinations.",
         )
     many = len(axes[0].values) if paired and axes else prod(len(each.values) for each in axes)
@@ -169,14 +169,14 @@ def make_sweep(
     runs: list[Run] = []
     for place in places:
         chosen = [each.values[k] for each, k in zip(axes, place, strict=True)]
-        said = [(e.section, e.key, value) for e, value in zip(axes, chosen, strict=True)]
+        varied = [(e.section, e.key, value) for e, value in zip(axes, chosen, strict=True)]
         assigned = tuple(
             (
                 section,
                 key,
                 require_part(read.parts, section).parameter(key).resolve_path(value, here),
             )
-            for section, key, value in [*always, *said]
+            for section, key, value in [*always, *varied]
         )
         labels = [each.label(value) for each, value in zip(axes, chosen, strict=True)]
         name = _file_name(keys, labels)
@@ -192,11 +192,13 @@ def resolve_paths(
 ) -> dict[str, Any]:
     """Return a scene's values with absolute paths."""
     found: dict[str, Any] = {}
-    for section, said in values.items():
-        found[section] = said
-        if isinstance(said, Mapping) and section in parts:
+    for section, given in values.items():
+        found[section] = given
+        if isinstance(given, Mapping) and section in parts:
             part = parts[section]
-            found[section] = {k: part.parameter(k).resolve_path(v, folder) for k, v in said.items()}
+            found[section] = {
+                k: part.parameter(k).resolve_path(v, folder) for k, v in given.items()
+            }
     return found
 
 
