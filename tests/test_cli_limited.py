@@ -32,7 +32,7 @@ def test_an_abort_of_vtk_is_reported_as_lack_of_memory() -> None:
     _, printed = process.communicate()
     assert process.returncode == 1
     assert printed.splitlines()[-1] == (
-        "spacemap: memory has run out: this shell limits a process to 1 GiB (ended by SIGABRT). "
+        "spacemap: out of memory: this shell limits a process to 1 GiB (ended by SIGABRT). "
         'Raise the limit with "ulimit -v unlimited".'
     )
 

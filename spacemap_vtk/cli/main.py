@@ -183,7 +183,7 @@ def survive_memory_limit() -> None:
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if -code in (signal.SIGABRT, signal.SIGSEGV, signal.SIGTRAP):
         _print_error(
-            f"memory has run out: this shell limits a process to {most / 2**30:.3g} GiB (ended by "
+            f"out of memory: this shell limits a process to {most / 2**30:.3g} GiB (ended by "
             f'{signal.Signals(-code).name}). Raise the limit with "ulimit -v unlimited".'
         )
         code = 1

@@ -26,14 +26,14 @@ def names() -> list[str]:
 def names_by_kind() -> dict[str, list[str]]:
     """Return the names of the included scenes, grouped by what they show."""
     found: dict[str, list[str]] = {
-        kind: [] for kind in ("Weaves", "Cloth that moves", "Cloth that hangs", "Other objects")
+        kind: [] for kind in ("Weaves", "Moving cloth", "Hanging cloth", "Other objects")
     }
     for name in names():
         scene = tomllib.loads(find(name).read_text(encoding="utf-8"))
         moves = scene.keys() & {"modal", "response", "transient", "motion"}
-        kind = "Cloth that moves" if moves else "Weaves"
+        kind = "Moving cloth" if moves else "Weaves"
         if "gravity" in scene.get("modal", {}):
-            kind = "Cloth that hangs"
+            kind = "Hanging cloth"
         if "weave" not in scene:
             kind = "Other objects"
         found[kind].append(name)
