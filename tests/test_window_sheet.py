@@ -189,7 +189,7 @@ def test_dead_load_can_be_added_and_has_no_time_function(open_scene: Any, strip:
     assert [card.action.itemData(k) for k in range(card.action.count())] == list(DEAD_ACTIONS)
     wait_until(lambda: settled(window) and (equilibrium(window) != before).any())
     assert window.errors.text == ""
-    card.remove.click()
+    card.remove_button.click()
     wait_until(lambda: settled(window))
     np.testing.assert_array_equal(equilibrium(window), before)
 
