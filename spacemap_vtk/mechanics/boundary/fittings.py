@@ -120,9 +120,7 @@ def spring_stiffness(
     """Compute the stiffness of springs at each vertex, (V, 3, 3) [N/m]; None without springs."""
     # A spring in N/m is shared equally by the vertices of its place. A spring in N/m³ is shared by
     # the vertices of a side as a constant pressure is.
-    parsed = [
-        place for text in springs for place in parse_places(text, SPRING_UNITS, what="spring")
-    ]
+    parsed = parse_places(" ".join(springs), SPRING_UNITS, what="spring")
     if not parsed:
         return None
     total = np.zeros((len(points), 3, 3))
@@ -147,17 +145,13 @@ def point_masses(
     points: Floats, cells: Ints, masses: Iterable[str], masks: Masks | None = None
 ) -> Floats | None:
     """Compute the masses at each vertex, (V,) [kg], each spread evenly over its place."""
-    parsed = [
-        place
-        for text in masses
-        for place in parse_places(text, MASS_UNITS, what="mass", whole=True)
-    ]
+    parsed = parse_places(" ".join(masses), MASS_UNITS, what="mass", whole=True)
     if not parsed:
         return None
     total = np.zeros(len(points))
     for place in parsed:
-        found = np.any(find_vertices(points, place, masks, "mass").reshape(len(points), -1), axis=1)
-        total += place.value * even_shares(points, cells, np.asarray(found))
+        found = find_vertices(points, place, masks, "mass")
+        total += place.value * even_shares(points, cells, found)
     return total
 
 

@@ -143,6 +143,14 @@ def parse_places(
 def find_vertices(
     vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
 ) -> Bools:
+    """Find the vertices in a place, (V,); raise if there are none."""
+    found = find_components(vertices, place, masks, what)
+    return np.asarray(found.reshape(len(vertices), -1).any(axis=1))
+
+
+def find_components(
+    vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
+) -> Bools:
     """Find the vertices in a place, (V,), or for a mask the components, (V, 3); raise if none."""
     found = _is_inside(vertices, place, masks)
     if not found.any():
@@ -160,7 +168,7 @@ def directions(
     vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
 ) -> Floats:
     """Compute Σ n nᵀ over the directions n that count at each vertex, (V, 3, 3)."""
-    found = find_vertices(vertices, place, masks, what)
+    found = find_components(vertices, place, masks, what)
     if place.direction:
         if found.ndim == 2:
             raise InputError(

@@ -12,6 +12,7 @@ from spacemap_vtk.mechanics.boundary.places import (
     SIDES,
     Masks,
     directions,
+    find_components,
     find_vertices,
     parse_places,
 )
@@ -61,15 +62,15 @@ def held_components(vertices: Floats, supports: Iterable[str], masks: Masks | No
     [[0, 0, 1], [1, 1, 1], [0, 0, 0]]
     """
     held = np.zeros(vertices.shape, dtype=np.bool_)
-    texts = list(supports)
-    for support in (place for text in texts for place in parse_places(text)):
+    text = " ".join(supports)
+    for support in parse_places(text):
         if not support.direction:
-            found = find_vertices(vertices, support, masks).reshape(len(vertices), -1)
+            found = find_components(vertices, support, masks).reshape(len(vertices), -1)
             held |= found & [axis in support.components for axis in "xyz"]
     if held.all():
         raise InputError(
             "all vertices of the cage are fixed, so nothing can move",
-            value=" ".join(texts),
+            value=text,
             cure="Fix fewer sides, or divide the cage more finely.",
         )
     return held
@@ -98,13 +99,10 @@ def loose_sides(vertices: Floats, supports: Iterable[str], masks: Masks | None =
     >>> loose_sides(np.array([[0, 0, 0], [1, 1, 0], [1, -1, 0], [2, 0, 1.0]]), ["-x"])
     ['-x']
     """
-    places = [place for text in supports for place in parse_places(text)]
+    places = parse_places(" ".join(supports))
     if not places or any(place.components != "xyz" for place in places):
         return []
-    count = len(vertices)
-    held = [
-        find_vertices(vertices, place, masks).reshape(count, -1).any(axis=1) for place in places
-    ]
+    held = [find_vertices(vertices, place, masks) for place in places]
     if np.linalg.matrix_rank(rigid_motions(vertices[np.any(held, axis=0)])) == 6:
         return []
     return [str(place) for place in places if place.shape in SIDES]
@@ -191,7 +189,7 @@ def held_directions(
     InputError
         If a support contains no vertex.
     """
-    inclined = [place for text in supports for place in parse_places(text) if place.direction]
+    inclined = [place for place in parse_places(" ".join(supports)) if place.direction]
     if not inclined:
         return None
     return np.sum([directions(vertices, place, masks) for place in inclined], axis=0)
@@ -201,18 +199,12 @@ def rigid_bodies(
     vertices: Floats, places: Iterable[str], masks: Masks | None = None
 ) -> Ints | None:
     """Number the rigid body of each vertex, (V,), from 1, or 0 for none; None without places."""
-    parsed = [
-        place for text in places for place in parse_places(text, what=RIGID_PLACE, whole=True)
-    ]
+    parsed = parse_places(" ".join(places), what=RIGID_PLACE, whole=True)
     if not parsed:
         return None
     body = np.zeros(len(vertices), dtype=np.int64)
     for number, place in enumerate(parsed, 1):
-        found = (
-            find_vertices(vertices, place, masks, RIGID_PLACE)
-            .reshape(len(vertices), -1)
-            .any(axis=1)
-        )
+        found = find_vertices(vertices, place, masks, RIGID_PLACE)
         if (shared := body[found].max()) > 0:
             raise InputError(
                 f'the {RIGID_PLACE}s "{parsed[shared - 1]}" and "{place}" share a vertex',

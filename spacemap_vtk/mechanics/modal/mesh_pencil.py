@@ -313,22 +313,8 @@ def find_or_make_pencil(
     whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted, *terms)
     found = _pencils.get(whole)
     if found is None:
-        free = ~held.ravel()
-        found = MeshPencil(
-            whole,
-            mesh,
-            points,
-            cells,
-            material,
-            free,
-            lumped,
-            displacement,
-            fittings,
-            local,
-            added,
-            modulus,
-        )
-        _pencils[whole] = found
+        form = points, cells, material, ~held.ravel(), lumped, displacement, fittings, local
+        found = _pencils[whole] = MeshPencil(whole, mesh, *form, added, modulus)
     return found
 
 
