@@ -452,14 +452,14 @@ def test_menu_items_are_unique(open_scene: Any) -> None:
         look_at(top.menu())
 
 
-def test_opening_scenes_repeatedly_leaks_no_stages(open_window: Any) -> None:
+def test_opening_scenes_repeatedly_leaks_no_stages(open_window: Any, twill: Path) -> None:
     def stages() -> int:
         gc.collect()
         return sum(isinstance(thing, Stage) for thing in gc.get_objects())
 
     window = open_window()
     before = stages()
-    for name in ["plain_weave", str(library.folder() / "32-shaft_twill.wif")] * 2:
+    for name in ["plain_weave", str(twill.with_suffix(".wif"))] * 2:
         window.document.open(name)
         wait_until(lambda: settled(window))
     window.document.open("plain_weave")

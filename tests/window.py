@@ -26,11 +26,11 @@ def require_display() -> None:
         pytest.skip(str(error), allow_module_level=True)
 
 
-def wait_until(done: Callable[[], Any], seconds: float = 120.0) -> None:
+def wait_until(done: Callable[[], Any], seconds: float = 300.0) -> None:
     """Process events until a condition holds.
 
-    The usual limit is for a machine whose cores ten others share: there a scene of modes takes
-    longer to open than half a minute.
+    The usual limit is for a machine whose cores many others share: there a second of work can take
+    a minute.
     """
     from PySide6.QtCore import QEventLoop, QTimer
 
