@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from spacemap_vtk.embedding.gradients import has_volume
 from spacemap_vtk.embedding.interpolation import (
     BlockFunction,
     EmbeddedPoints,
@@ -29,8 +30,6 @@ from spacemap_vtk.parallel import MANY_POINTS, blocks, load_loops
 # tables of maps must stay in the cache, while calls stay few. Compiled loops only need blocks to
 # share among threads.
 _BLOCK, _COMPILED_BLOCK = 2**13, 2**17
-#: As in `spacemap_vtk.embedding.frames`: a flatter tetrahedron has no map.
-_FLAT = 1e-12
 
 
 class AffineInterpolation(EmbeddedPoints):
@@ -53,7 +52,6 @@ class AffineInterpolation(EmbeddedPoints):
         their tetrahedron is continued.
     threads : int, optional
         Number of threads; by default one for each processor.
-        Threads to work in; all processors if not given.
 
     Examples
     --------
@@ -81,9 +79,8 @@ class AffineInterpolation(EmbeddedPoints):
         corners = vertices[self._cells]
         self._origins = corners[:, 0]
         edges = corners[:, 1:] - corners[:, :1]  # (T, 3, 3), one edge a row
-        size = np.abs(edges).max(axis=(1, 2), initial=0.0)
-        flat = np.abs(np.linalg.det(edges)) <= _FLAT * size**3
-        edges[flat], self._flat = np.eye(3), np.flatnonzero(flat)
+        self._flat = np.flatnonzero(~has_volume(vertices, self._cells))
+        edges[self._flat] = np.eye(3)
         self._edges, self._inverse = edges, np.linalg.inv(edges)
         self._clamped = np.flatnonzero(location.is_outside) if clamp else np.empty(0, np.intp)
         self._feet = np.empty((0, 4))

@@ -386,10 +386,12 @@ class _PreparedPatches:
             if places is array and places.GetMTime() == time:
                 return self.cloth_strands
         self.places_state = None if places is None else (places, places.GetMTime())
-        told = _strand_inputs(grid)
-        if told != self.strand_inputs:
-            self.strand_inputs, self.cloth_strands, self.fibre_directions = told, None, None
-            cloth = cloth_of(grid) if told[0] is not None and self.patches.shape[1] == 16 else None
+        inputs = _strand_inputs(grid)
+        if inputs != self.strand_inputs:
+            self.strand_inputs, self.cloth_strands, self.fibre_directions = inputs, None, None
+            cloth = (
+                cloth_of(grid) if inputs[0] is not None and self.patches.shape[1] == 16 else None
+            )
             if cloth is not None:
                 # Not possible for a part of a weave's patches.
                 with suppress(GeometryError):

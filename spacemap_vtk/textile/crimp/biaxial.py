@@ -91,10 +91,10 @@ def simulate_tensile_tests(
                 low = np.where(taut, low, stretch[1 - family])
                 high = np.where(taut, stretch[1 - family], high)
             stretch[1 - family] = low
-        force, strain, _, _, held = crossings.resultants(stretch)
+        force, strain, _, _, reached = crossings.resultants(stretch)
         if family < 2:
             force[1 - family] = 0.0  # if it is jammed, the jam balances the pull of the yarns
-        result.append(TensileTest(name, held - 1.0, force, strain))
+        result.append(TensileTest(name, reached - 1.0, force, strain))
     return result
 
 

@@ -356,11 +356,11 @@ def _newton_step(
         if not len(which):
             break
         taut[:, which] |= new[:, which]
-        mine = (one.take(which, axis=-1) for one in (d, press, low, high))
+        arguments = (one.take(which, axis=-1) for one in (d, press, low, high))
         pushed = select_crossings(now, which).add_pull(
             tension[:, which] * (taut & (now.over <= 0.0))[:, which]
         )
-        found = _bounded_step(pushed, *mine)
+        found = _bounded_step(pushed, *arguments)
         step[:, which], press[which], first[which], over[:, which] = found
         new = (over > 0.0) > taut
     size = np.maximum(np.abs(step[0]), np.abs(step[1]))
@@ -392,10 +392,10 @@ def _bounded_step(
     near = np.minimum(s1, s2) < size * (d + s1 + s2)
     ends = np.flatnonzero(near | (np.minimum(now.theta[0], now.theta[1]) < size))
     if len(ends):
-        taken = (
+        arguments = (
             one.take(ends, axis=-1) for one in (np.stack([a, b, c]), step, d, press, low, high)
         )
-        past, *found = _end_step_at_limit(select_crossings(now, ends), *taken)
+        past, *found = _end_step_at_limit(select_crossings(now, ends), *arguments)
         for array, value in zip((step, more, first), found, strict=True):
             array[..., ends[past]] = value[..., past]
     return step, more, first, now.over + now.own * step + now.other * step[::-1]

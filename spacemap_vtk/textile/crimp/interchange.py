@@ -223,8 +223,8 @@ class Interchange:
         InputError
             The yarns do not stretch, so there is no energy.
         """
-        cells, asked, back = self._distinct_crossings(stretch)
-        found = self._energy_derivatives(cells, asked)
+        cells, stretches, back = self._distinct_crossings(stretch)
+        found = self._energy_derivatives(cells, stretches)
         return EnergyDerivatives(*(self._arrange(array, back) for array in found))
 
     def resultants(self, stretch: ArrayLike) -> Resultants:
@@ -244,12 +244,12 @@ class Interchange:
         first, back = self._kinds
         shape = 2, len(first), stretches.shape[1]
         cells = select_crossings(self._crossings, np.repeat(first, stretches.shape[1]))
-        held, h, d = self._solve_heights(cells, np.tile(stretches, len(first)))
-        room, length = cells.room_and_length(held)
+        reached, h, d = self._solve_heights(cells, np.tile(stretches, len(first)))
+        room, length = cells.room_and_length(reached)
         over = (solve_gaps(room, np.stack([h, d - h]), d).length - length) / cells.full_length
-        over = np.where(cells.is_straight, held - 1.0, over)
+        over = np.where(cells.is_straight, reached - 1.0, over)
         strain = np.maximum(over, 0.0)
-        force = np.zeros_like(held)
+        force = np.zeros_like(reached)
         if self._stretches:
             along = cells.gap_spacing, cells.floats
             energy, heights = cells.energy(self._hinged), np.stack([h, d - h])
@@ -261,7 +261,7 @@ class Interchange:
             strain.reshape(shape).max(axis=1),
             np.maximum(-over, 0.0).reshape(shape).min(axis=1),
             (d / cells.rest_distance).reshape(shape[1:]).min(axis=0),
-            held.reshape(shape).max(axis=1),
+            reached.reshape(shape).max(axis=1),
         )
 
     @property
@@ -269,15 +269,15 @@ class Interchange:
         """Number of different crossings."""
         return len(self._kinds[0])
 
-    def _solve_block(self, cells: Crossings, asked: Floats) -> tuple[NDArray[Any], ...]:
+    def _solve_block(self, cells: Crossings, stretches: Floats) -> tuple[NDArray[Any], ...]:
         """Compute the fields of `CrimpState`, and lengths and slack for `CrossingResults`."""
-        held, h, d = self._solve_heights(cells, asked)
+        reached, h, d = self._solve_heights(cells, stretches)
         heights = np.stack([h, d - h])
-        room, length = cells.room_and_length(held)
+        room, length = cells.room_and_length(reached)
         gap = solve_gaps(room, heights, d)
-        over = np.where(cells.is_straight, cells.spacing * (held - 1.0), gap.length - length)
+        over = np.where(cells.is_straight, cells.spacing * (reached - 1.0), gap.length - length)
         axis = cells.spacing + cells.floats
-        crimp = (gap.length + cells.flat + cells.floats * held) / (axis * held) - 1.0
+        crimp = (gap.length + cells.flat + cells.floats * reached) / (axis * reached) - 1.0
         contact = 2.0 * cells.contact * (cells.rest_distance - d)
         # At the least D the contact force exceeds what k_D gives: it follows from equilibrium.
         at = np.flatnonzero(d <= cells.least_distance)
@@ -285,8 +285,8 @@ class Interchange:
             free = select_crossings(
                 cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at
             )
-            taken = (one.take(at, axis=-1) for one in (room, length, heights, d))
-            contact[at] = 2.0 * np.maximum(angle_derivatives(free, *taken).press(), 0.0)
+            arguments = (one.take(at, axis=-1) for one in (room, length, heights, d))
+            contact[at] = 2.0 * np.maximum(angle_derivatives(free, *arguments).press(), 0.0)
         return (
             0.5 * heights,
             d,
@@ -295,10 +295,10 @@ class Interchange:
             np.where(over > _SLACK * cells.full_length, over / cells.full_length, 0.0),
             contact,
             over < -_SLACK * cells.full_length,
-            held > asked,
-            held,
+            reached > stretches,
+            reached,
             gap.length - cells.length,
-            np.maximum(-over / cells.full_length, 0.0) + (held - asked).max(axis=0),
+            np.maximum(-over / cells.full_length, 0.0) + (reached - stretches).max(axis=0),
         )
 
     def _distinct_crossings(self, stretch: ArrayLike) -> tuple[Crossings, Floats, Ints | slice]:
@@ -341,8 +341,8 @@ class Interchange:
                 allowed="a finite EA of warp and weft",
                 cure="Give a tension, for example the modulus times the area of the section",
             )
-        held, h, d = self._solve_heights(cells, stretch)
-        energy, (room, length) = cells.energy(self._hinged), cells.room_and_length(held)
+        reached, h, d = self._solve_heights(cells, stretch)
+        energy, (room, length) = cells.energy(self._hinged), cells.room_and_length(reached)
         along, bounds = (
             (cells.gap_spacing, cells.floats),
             (cells.least_distance, cells.rest_distance),
@@ -352,20 +352,20 @@ class Interchange:
         )
         # Yarns that never change side are straight.
         pull = np.where(cells.is_straight, cells.tension, 0.0)
-        over = np.maximum(held - 1.0, 0.0) * cells.spacing
+        over = np.maximum(reached - 1.0, 0.0) * cells.spacing
         force += pull * over * cells.spacing
-        tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (held >= 1.0 - _SLACK)
+        tangent[[0, 1], [0, 1]] += pull * cells.spacing**2 * (reached >= 1.0 - _SLACK)
         value += (0.5 * pull * over**2).sum(axis=0)
         return value, force, tangent
 
     def _solve_heights(self, cells: Crossings, stretch: Floats) -> tuple[Floats, Floats, Floats]:
         """Compute the stretch that the crossings reach, h1 and D."""
-        held, most = cells.reach_stretch(stretch)
-        room, length = cells.room_and_length(held)
+        reached, most = cells.reach_stretch(stretch)
+        room, length = cells.room_and_length(reached)
         full, floor = cells.rest_distance, cells.least_distance
         # `most` holds the heights that yarns reach while D is as at rest.
         slack = most.sum(axis=0) >= full * (1.0 - 1e-12)
-        bent = cells.rest_height + (cells.gain * (held - 1.0)).sum(axis=0)
+        bent = cells.rest_height + (cells.gain * (reached - 1.0)).sum(axis=0)
         # Where bending alone would strain a yarn, the yarn keeps its length.
         between = full - most[1], np.maximum(most[0], full - most[1])
         h = np.clip(bent, *between)
@@ -378,13 +378,13 @@ class Interchange:
             d = np.clip(full - give, floor, full)
             h = np.where(slack, h, most[0] + share[0] * give)
         if self._stretches and self._hinged:
-            return held, *minimise_energy(cells.energy(True), room, length, h, d, floor, full)
+            return reached, *minimise_energy(cells.energy(True), room, length, h, d, floor, full)
 
         def settle_heights(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
             chosen = np.flatnonzero(which)
             if len(chosen):
-                mine = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
-                h[chosen], d[chosen] = minimise_energy(select_crossings(energy, chosen), *mine)
+                arguments = (one.take(chosen, axis=-1) for one in (room, length, h, d, low, high))
+                h[chosen], d[chosen] = minimise_energy(select_crossings(energy, chosen), *arguments)
 
         h = np.where(slack, bent, h)
         settle_heights(slack, cells.bending_energy(), full, full)
@@ -401,7 +401,7 @@ class Interchange:
             settle_heights(pulled & (d <= floor), cells.energy(False), floor, floor)
         else:
             settle_heights(pulled, cells.energy(False), floor, full)
-        return held, h, d
+        return reached, h, d
 
 
 def _check_tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:

@@ -172,7 +172,7 @@ class Threads:
 
     def check(self, family: int, count: int, names: QuantityNames = quantity_name) -> None:
         """Refuse bad lengths, wrong numbers of values, and impossible sections."""
-        for key, values, wanted in (
+        for key, values, expected in (
             ("diameter", self.diameter, count),
             ("spacing", self.spacing, count - 1),
         ):
@@ -192,11 +192,11 @@ class Threads:
                     allowed="more than 0 m",
                     cure='Write, for example, "0.3 mm"',
                 )
-            if array.ndim and array.size != wanted:
+            if array.ndim and array.size != expected:
                 raise InputError(
                     f"{array.size} values for {count} yarns",
                     key=names(key, family),
-                    allowed=f"one value, or {wanted}",
+                    allowed=f"one value, or {expected}",
                 )
         if self.section not in SECTIONS:
             raise InputError(
