@@ -149,7 +149,7 @@ def test_points_outside_are_reported_with_count_and_distance() -> None:
     warp.SetInputDataObject(1, grid)
     warp.update()
     assert " %) lie outside the cage, by up to " in warp.warnings[0]
-    assert 'holds them with cage.inflate = "' in warp.warnings[0]
+    assert 'with cage.inflate = "' in warp.warnings[0]
 
 
 # --- tetwild -----------------------------------------------------------------------------------
@@ -361,7 +361,7 @@ def test_parts_joined_only_by_an_edge_get_an_envelope(
     _, parts, larger = cage.warnings
     assert "encloses 2 parts" in parts
     assert "cage.inflate" in parts
-    assert "times as large" in larger
+    assert "times that of the object" in larger
     share = filled_share(grid)
     assert share * check_mesh(grid.points, tetrahedra_of(grid)) == pytest.approx(2.0, rel=1e-5)
     tetrahedra = tetrahedra_of(grid)
