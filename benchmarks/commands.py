@@ -1,10 +1,10 @@
-"""Seconds that each command takes as a whole, and the processor time of all its threads.
+"""Wall-clock and processor time of each command.
 
 Run: python benchmarks/commands.py [CHECKOUT ...]
-Each round is a process of its own, as a person starts it. Of several checkouts, each command is run
-in one after the other, so that what else the machine does meets all alike. A first round that is
-not shown leaves what every later start finds: the modules compiled, as pip does, and the modes in
-the user's cache. On a busy machine the processor time says more than the seconds.
+Each round starts a new process, as a user does. With several checkouts, each command runs in one
+after the other, so that other load on the machine affects all of them equally. A first round, which
+is not printed, compiles the modules and fills the cache. On a busy machine, compare the processor
+times.
 """
 
 from __future__ import annotations
@@ -37,26 +37,28 @@ COMMANDS = (
 )
 
 
-def one(command: str, checkout: str, folder: str) -> tuple[float, float]:
-    """Run a command and return its seconds and its processor time."""
-    # A machine that is told to keep no bytecode would compile every module at every start.
+def run_command(command: str, checkout: str, folder: str) -> tuple[float, float]:
+    """Run a command; return its wall-clock and processor time in seconds."""
+    # Without stored bytecode, every start would compile all modules.
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    environment |= {"PYTHONPATH": checkout, "SPACEMAP_CACHE": str(Path(folder, "kept"))}
+    environment |= {"PYTHONPATH": checkout, "SPACEMAP_CACHE": str(Path(folder, "cache"))}
     arguments = [sys.executable, "-m", "spacemap_vtk", *command.split()]
-    with open(Path(folder, "said"), "w+") as said:
-        begun = time.perf_counter()
-        process = subprocess.Popen(arguments, cwd=folder, env=environment, stdout=said, stderr=said)
+    with open(Path(folder, "output"), "w+") as output:
+        start = time.perf_counter()
+        process = subprocess.Popen(
+            arguments, cwd=folder, env=environment, stdout=output, stderr=output
+        )
         _, status, used = os.wait4(process.pid, 0)
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - start
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
-            said.seek(0)
-            sys.exit(f"{command}: {said.read()}")
+            output.seek(0)
+            sys.exit(f"{command}: {output.read()}")
     return seconds, used.ru_utime + used.ru_stime
 
 
 def main() -> None:
-    """Print a line for each command: medians of the rounds."""
+    """Print the medians of the rounds for each command."""
     checkouts = [str(Path(path).resolve()) for path in sys.argv[1:]]
     checkouts = checkouts or [str(Path(__file__).resolve().parents[1])]
     if len(checkouts) > 1:
@@ -64,7 +66,10 @@ def main() -> None:
     print(f"{'':44}" + "   seconds processor" * len(checkouts))
     with tempfile.TemporaryDirectory() as folder:
         for command in COMMANDS:
-            rounds = [[one(command, path, folder) for path in checkouts] for _ in range(ROUNDS + 1)]
+            rounds = [
+                [run_command(command, path, folder) for path in checkouts]
+                for _ in range(ROUNDS + 1)
+            ]
             text = f"{command[:43]:44}"
             for number in range(len(checkouts)):
                 for measured in (0, 1):

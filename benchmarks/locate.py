@@ -93,7 +93,7 @@ def texgen(vertices: np.ndarray, tetrahedra: np.ndarray) -> float | None:
     count = surface.GetNumNodes()
     farthest = max(surface.GetNode(i).x for i in range(count))
     if abs(farthest - 1.8) > 1e-6:
-        raise RuntimeError("TexGen has not moved the yarn as it should")
+        raise RuntimeError("TexGen did not move the yarn as expected")
     return count / elapsed
 
 
@@ -121,9 +121,10 @@ def main() -> None:
             libigl(inside[:FEW], *mesh),
             texgen(*mesh),
         ]
-        told = (f"{rate:.3g}" if rate else "absent" for rate in rates)
+        texts = (f"{rate:.3g}" if rate else "absent" for rate in rates)
         print(
-            f"{name:<12}{len(mesh[1]):>13}{setup:>12.2f}s" + "".join(f"{text:>13}" for text in told)
+            f"{name:<12}{len(mesh[1]):>13}{setup:>12.2f}s"
+            + "".join(f"{text:>13}" for text in texts)
         )
 
 

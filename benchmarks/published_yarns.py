@@ -93,7 +93,9 @@ def main() -> None:
             print(f"{weave:8s} {x:.2f} {y:.2f}  {words}")
     table = np.concatenate([np.array(rows) for rows in PUBLISHED.values()])
     embedded = np.sqrt(np.mean((table[:, 2:4] - table[:, 4:6]) ** 2))
-    print(f"\nstrains are off by, root mean square: embedded {embedded:.2f} %, here", end=" ")
+    print(
+        f"\nroot mean square error of the strains: embedded {embedded:.2f} %, interchange", end=" "
+    )
     print(f"{off(contact) ** 0.5:.2f} %")
 
 

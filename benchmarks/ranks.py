@@ -222,7 +222,9 @@ def main() -> None:
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
     parser.add_argument("--precision", choices=("double", "single"), default="double")
     parser.add_argument("--scaling", action="store_true", help="measure strong and weak scaling")
-    parser.add_argument("--repeats", type=int, default=1, help="of which the least counts")
+    parser.add_argument(
+        "--repeats", type=int, default=1, help="number of repeats; the fastest counts"
+    )
     options = parser.parse_args()
     if options.scaling:
         scaling("single", options.repeats, options.markdown)
@@ -241,9 +243,9 @@ def main() -> None:
     table(head, rows, options.markdown)
     fits = {key: line(small, key) for key in ("peak", "set up", "frame")}
     print(
-        f"a process: {fits['peak'][0] / 1e6:.0f} MB, and for each crossing "
-        f"{fits['peak'][1]:,.0f} bytes, {fits['set up'][1] * 1e6:.2f} us to set up and "
-        f"{fits['frame'][1] * 1e6:.2f} us a frame; the cage, whatever the cloth: "
+        f"each process: {fits['peak'][0] / 1e6:.0f} MB; each crossing: "
+        f"{fits['peak'][1]:,.0f} bytes, {fits['set up'][1] * 1e6:.2f} us for the set-up and "
+        f"{fits['frame'][1] * 1e6:.2f} us per frame; the cage: "
         f"{max(r['solve'] for r in check):.1f} s to solve once, "
         f"{max(r['response'] for r in check):.1f} s before the first frame"
     )
@@ -253,8 +255,8 @@ def main() -> None:
         r = shared[-1]
         print(
             f"between {r['ranks']} processes: {r['share modes']:.2f} s to share the modes, "
-            f"{r['agree'] * 1e6:.0f} us to agree after a stage, {r['picture'] - alone:.3f} s to "
-            f"make one {PICTURE[0]} x {PICTURE[1]} picture of theirs"
+            f"{r['agree'] * 1e6:.0f} us to synchronise after a stage, "
+            f"{r['picture'] - alone:.3f} s to join one {PICTURE[0]} x {PICTURE[1]} picture"
         )
     print()
     head = ["prediction against the largest", "processes", "predicted", "measured", "ratio"]

@@ -211,11 +211,11 @@ def table(figures: dict[str, Any]) -> Any:
     """Return the timings of one scene as a table to print."""
     how = "loops compiled by Numba" if figures["compiled"] else "NumPy"
     rows = number_table(
-        ("a new time", "MB", "copy [ms]", "takes [ms]", "copies"),
+        ("stage", "MB", "copy [ms]", "step [ms]", "copies"),
         words=1,
         title=f"{figures['title']}\n{figures['points']:,} points, "
         f"{figures['surface_points']:,} on the surface\n{how}, {figures['threads']} threads",
-        caption="copies: of the points and normals that it writes, in that time",
+        caption="copies: how often its points and normals could be copied in that time",
         min_width=72,  # of the caption
     )
     for row in figures["stages"]:
@@ -233,8 +233,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Measure the scenes named on the command line and print a table, or JSON, of each."""
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument("scene", nargs="?", help="scene file, or name of a scene")
-    words.add_argument("--set", action="append", default=[], help="changed value, as section.key=2")
-    words.add_argument("--steps", type=int, default=9, help="steps that medians are taken of")
+    words.add_argument("--set", action="append", default=[], help="change a value: section.key=2")
+    words.add_argument("--steps", type=int, default=9, help="number of steps for the medians")
     words.add_argument("--json", action="store_true", help="print JSON, for programs")
     asked = words.parse_args(arguments)
     scenes = _DEFAULT if asked.scene is None else ((asked.scene, ()),)

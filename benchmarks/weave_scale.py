@@ -27,8 +27,8 @@ COLUMNS = (
     ("crossings", "crossings", ",d"),
     ("patches", "patches", ",d"),
     ("points", "points", ",d"),
-    ("seconds", "s", ".3f"),
-    ("user_seconds", "of it our own", ".3f"),
+    ("seconds", "time [s]", ".3f"),
+    ("user_seconds", "user time [s]", ".3f"),
     ("points_per_second", "points/s", ".3g"),
     ("bytes_per_crossing", "bytes/crossing", ",.0f"),
     ("peak_bytes", "peak bytes", ",d"),
@@ -90,7 +90,7 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+", default=SIZES, help="ends = picks")
     parser.add_argument("--weave", choices=("plain", "twill"), default="plain")
     parser.add_argument("--exact", action="store_true", help="rational patches")
-    parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument("--repeats", type=int, default=3, help="processes for each size below 500")
     parser.add_argument("--one", type=int, help=argparse.SUPPRESS)
     args = parser.parse_args()
@@ -118,8 +118,8 @@ def main() -> None:
         print("  ".join(f"{row[key]:>14{form}}" for key, _, form in COLUMNS))
     if len(rows) > 1:
         print(
-            f"cost grows as crossings to the power of {result['growth_of_seconds']:.2f} (own time)"
-            f" and {result['growth_of_bytes']:.2f} (peak memory); 1 is linear"
+            f"growth with crossings: power {result['growth_of_seconds']:.2f} (user time)"
+            f" and {result['growth_of_bytes']:.2f} (peak memory)"
         )
 
 

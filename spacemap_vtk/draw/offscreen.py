@@ -79,7 +79,7 @@ class OffscreenWindow:
         return self.pixels()
 
     def render(self, front: bool = True, keep: bool = False) -> None:
-        """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
+        """Draw with the camera's current clipping range; `keep` keeps what was drawn before."""
         if self.front is not None:
             self.front.SetDraw(front)
         self.renderer.SetPreserveColorBuffer(keep)
@@ -99,7 +99,7 @@ class OffscreenWindow:
         return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
 
     def depths(self, second: bool = False) -> Singles:
-        """Return OpenGL's depths, 1 where empty; the next call with this `over` overwrites them."""
+        """Return OpenGL's depths, 1 where empty, in an array that is reused for each `second`."""
         width, height = self.size
         self.render_window.GetZbufferData(0, 0, width - 1, height - 1, self._depths[second])
         return vtk_to_numpy(self._depths[second]).reshape(height, width)[::-1]

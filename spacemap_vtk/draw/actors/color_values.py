@@ -140,7 +140,7 @@ def _cached_clearances(surface: vtkPolyData) -> Singles | None:
 
 
 def compute_clearances(surface: vtkPolyData, cells: Bools | None = None) -> Singles | None:
-    """Return the distance of each point to the next yarn; infinite outside the `asked` cells."""
+    """Return the distance of each point to the next yarn; infinite outside the given cells."""
     yarns, normals = surface.GetCellData().GetArray("yarn"), surface.GetPointData().GetNormals()
     if yarns is None or normals is None or not surface.GetNumberOfCells():
         return None

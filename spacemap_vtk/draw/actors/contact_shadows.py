@@ -32,7 +32,7 @@ def contact_shadows(
     strength: float = 1.0,
     line_width: int = 0,
 ) -> Singles:
-    """Return each pixel's brightness factor; lines up to 2 `thin` pixels wide cast no shadow."""
+    """Return each pixel's brightness factor; lines up to 2 `line_width` pixels wide cast none."""
     height, width = depth.shape
     covered = np.isfinite(depth)
     filled = np.where(covered, depth, np.float32(0.0))

@@ -151,7 +151,7 @@ class CageActor(PlainActor):
     def show(
         self, cage: vtkUnstructuredGrid | None, pixels_per_point: float = 1.0, thin: bool = False
     ) -> None:
-        """Draw a cage; `point` is pixels per point, `over` makes the lines thin and translucent."""
+        """Draw a cage; `thin` makes the lines thin and translucent."""
         lines, opacity = (
             vtkPolyData(),
             _LINE_OPACITIES[cage is not None and cage.GetNumberOfCells() > _DENSE_CAGE],

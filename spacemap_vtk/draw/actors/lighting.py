@@ -75,7 +75,7 @@ _FRAGMENT = f"""{_LINE}
 
 @lru_cache(32)
 def lighting_code(style: Style, pixels_per_point: float = 1.0) -> str:
-    """Return the GLSL constants and functions of a style's light; `point` is pixels per point."""
+    """Return the GLSL constants and functions of a style's light."""
     # With uniforms in place of constants, software OpenGL takes 50 % more time for a picture. The
     # lamps turn with the camera, so the constants stay valid when the camera moves.
     triples, numbers = _constants(style, pixels_per_point)

@@ -477,7 +477,7 @@ def coarsen_sheet(
     max_cells: int,
     hole: tuple[slice, slice] | None = None,
 ) -> vtkPolyData:
-    """Return a sheet with at most `most` cells along each side, without the cells in a hole."""
+    """Return a sheet with at most `max_cells` cells along each side, without those in a hole."""
     # Fewer vertices mean less work, because the sheet is lit at its vertices. The hole is given in
     # columns and rows of the original cells.
     lines = [np.linspace(0, n, min(n, max_cells) + 1).astype(np.int64) for n in cells]

@@ -90,7 +90,7 @@ class SurfaceActor(vtkActor):
         style: Style = STUDIO,
         pixels_per_point: float = 1.0,
     ) -> None:
-        """Draw a surface; `point` is the number of pixels per point, the unit of line widths."""
+        """Draw a surface; points are the unit of line widths."""
         mapper, points, cells = self._mapper, surface.GetPointData(), surface.GetCellData()
         numbers = points.GetArray(COLOR_VALUES)
         shown_span: Span | None = None

@@ -44,7 +44,7 @@ def view_scale(camera: vtkCamera, height: float) -> ViewScale:
 
 
 def round_length(largest: float) -> float:
-    """Return the largest round number that is at most `most`."""
+    """Return the largest round number that is at most `largest`."""
     size = 10.0 ** np.floor(np.log10(largest))
     return float(max(n * size for n in _ROUND if n * size <= largest * (1 + 1e-9)))
 

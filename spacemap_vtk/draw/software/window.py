@@ -144,7 +144,7 @@ class SoftwareWindow:
         return self.pixels()
 
     def render(self, front: bool = True, keep: bool = False) -> None:
-        """Draw with the camera's current clipping range; `over` keeps what was drawn before."""
+        """Draw with the camera's current clipping range; `keep` keeps what was drawn before."""
         self.renderer.InvokeEvent("StartEvent")
         self._pixels = None
         if not keep:
