@@ -170,7 +170,7 @@ def _trace(
     # and would be too large in metres.
     scale = 1e3
     with temporary_folder() as folder:
-        shapes = _shapes(mi, curves, colors, scale, folder)
+        shapes = _shapes(curves, colors, scale, folder)
         world = mi.load_dict(
             {
                 "type": "scene",
@@ -190,9 +190,7 @@ def _trace(
     return total / samples
 
 
-def _shapes(
-    mi: Any, curves: StrandCurves, colors: Floats, scale: float, folder: Path
-) -> dict[str, Any]:
+def _shapes(curves: StrandCurves, colors: Floats, scale: float, folder: Path) -> dict[str, Any]:
     """Return one Mitsuba shape for each colour and tone of fibres."""
     tones = np.arange(len(colors)) % _TONES - (_TONES - 1) / 2
     full = (colors * (1.0 + _TONE_STEP * tones[:, None])) ** _SATURATION

@@ -59,7 +59,7 @@ class Canvas(RenderWidget):
         self.front.SetLayer(2)
         self.front.DrawOff()
         #: Layer of contact shadows between the two renderers, off by default.
-        self.shade = ShadowLayer(self.render_window, self.renderer, 1)
+        self.shade = ShadowLayer(self.render_window, 1)
         self.render_window.SetNumberOfLayers(3)
         self.interactor.SetInteractorStyle(vtkInteractorStyleTrackballCamera())
         # Mouse moves only request a paint event, so that Qt draws once for many moves.

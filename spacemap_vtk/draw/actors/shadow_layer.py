@@ -23,7 +23,7 @@ from spacemap_vtk.draw.camera import depths_to_metres, pixels_per_metre_at_focus
 class ShadowLayer:
     """A layer that adds contact shadows to a renderer's view, as in pictures."""
 
-    def __init__(self, window: vtkRenderWindow, renderer: vtkRenderer, layer: int) -> None:
+    def __init__(self, window: vtkRenderWindow, layer: int) -> None:
         self.renderer = vtkRenderer()
         self.renderer.SetLayer(layer)
         self.renderer.InteractiveOff()

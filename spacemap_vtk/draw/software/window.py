@@ -577,12 +577,7 @@ def _glyph_shapes(actor: vtkActor, mapper: vtkGlyph3DMapper) -> Iterator[_Shape]
 
 
 def _line_and_dot_shapes(
-    actor: vtkActor,
-    data: vtkPolyData,
-    points: Floats,
-    colors: Singles,
-    of_cells: bool,
-    view: _View,
+    actor: vtkActor, data: vtkPolyData, points: Floats, colors: Singles, of_cells: bool, view: _View
 ) -> Iterator[_Shape]:
     """Yield lines and dots as triangles in screen coordinates, with widths in pixels."""
     properties, screen = actor.GetProperty(), view.screen_coordinates(points)
