@@ -328,7 +328,7 @@ def test_cancelling_works_on_a_cached_solution(place):
     result(solver())
     made = solver()
     made.AddObserver("ProgressEvent", lambda caller, event: caller.SetAbortExecute(1))
-    with pytest.raises(SpacemapError, match="stopped"):
+    with pytest.raises(SpacemapError, match="cancelled"):
         made.update()
 
 

@@ -245,8 +245,8 @@ def test_surface_of_a_volume_is_extracted_once(monkeypatch: pytest.MonkeyPatch) 
     import spacemap_vtk.datasets.surface_extract as module
 
     calls = []
-    real = module.surface_of
-    monkeypatch.setattr(module, "surface_of", lambda *a: calls.append(1) or real(*a))
+    real = module.extract_surface
+    monkeypatch.setattr(module, "extract_surface", lambda *a: calls.append(1) or real(*a))
     grid = pv.ImageData(dimensions=(4, 4, 4)).cast_to_unstructured_grid()
     grid["heat"] = grid.points[:, 0].copy()
     grid.cell_data["part"] = np.arange(27)

@@ -191,7 +191,7 @@ def test_new_mover_becomes_a_scene_section(tmp_path: Path) -> None:
     scene.set("shear.rate=4")
     scene.update()
     np.testing.assert_allclose(height(scene), 2 * rest[:, 1], atol=1e-9)
-    with pytest.raises(InputError, match=r"a scene with \[shear\] has no \[response\]"):
+    with pytest.raises(InputError, match=r"response: cannot be combined with \[shear\]"):
         Scene({"shear": {}, "response": {}})
     with pytest.raises(InputError, match=r"\[shear\]"):
         Scene({"sheer": {}})
@@ -308,7 +308,7 @@ def test_stage_can_declare_a_new_role() -> None:
 @pytest.mark.usefixtures("toys")
 def test_role_without_a_position_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Halved, "after", "nothing")
-    with pytest.raises(InputError, match=r'Halved has no place.*"halved", after "nothing"'):
+    with pytest.raises(InputError, match=r'Halved cannot be placed.*"halved", after "nothing"'):
         Scene(SMALL)
 
 

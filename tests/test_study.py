@@ -108,7 +108,7 @@ def test_sweep_on_the_command_line(
     other.mkdir()
     (other / "table.csv").write_text("mine")
     assert run(str(scene), "-o", str(other), "--set", SPACINGS) == 2
-    assert "not of a sweep" in capsys.readouterr().err
+    assert "does not belong to this sweep" in capsys.readouterr().err
     assert [file.read_text() for file in other.iterdir()] == ["mine"]
 
 
