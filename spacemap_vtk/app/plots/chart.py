@@ -211,7 +211,7 @@ class PlotCanvas(FigureCanvasQTAgg):
             if curve.max(initial=0.0) > 0.0:
                 color = POINTS[number % len(POINTS)]
                 axes.loglog(curves.frequencies, curve / size, color=color, linewidth=1.1)
-        axes.set_title(f"Amplitude, sinusoidal loads [{word}]", loc="left")
+        axes.set_title(f"Amplitude, harmonic loads [{word}]", loc="left")
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
         axes.set_xlim(curves.frequencies[0], curves.frequencies[-1])
         axes.yaxis.set_major_locator(LogLocator(numticks=6))
