@@ -44,7 +44,7 @@ from spacemap_vtk.scenes import library
         ("[weave]\nwarp_diameter = '0.4 mm'", ["weave.warp_diameter", "jammed"]),
         (
             "[weave]\nwarp_sett = '20 /cm'\nwarp_spacing = '1 mm'",
-            ['weave.warp_sett = "20 /cm"', "--set weave.warp_sett=auto does"],
+            ['weave.warp_sett = "20 /cm"', "--set weave.warp_sett=auto"],
         ),
         (f"title = {'[' * 5000}", ["not a scene", "brackets are nested"]),
         (f"[weave]\nends = {'9' * 5000}", ["not a scene", "thousands of digits"]),
