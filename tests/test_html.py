@@ -167,5 +167,7 @@ def nearest_points(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
 def test_a_page_too_large_for_browsers_is_refused(tmp_path: Path) -> None:
     scene = change_scene("plain_weave", *SMALL)
     for most, what in ((50_000, r"\d+ points"), (100_000, r"\d+ targets of \d+ points")):
-        with pytest.raises(SizeError, match=rf"^{what} do not fit .*subdivisions"):
+        with pytest.raises(
+            SizeError, match=rf"^{what} need .* too much for one file.*subdivisions"
+        ):
             make_moving_surface(scene, TIMES, TOLERANCE, lambda done, of: None, max_bytes=most)
