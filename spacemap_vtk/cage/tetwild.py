@@ -116,7 +116,7 @@ def load_or_make(
     ----------
     make : callable
         Returns the arrays of a mesh, ``vertices`` and ``tetrahedra`` among them.
-    *of : array_like or number or str
+    *inputs : array_like or number or str
         Everything that the mesh depends on.
 
     Returns

@@ -35,7 +35,7 @@ class CrimpGeometry:
     ----------
     cloth : Cloth
         At rest, with axes by arcs.
-    share : YarnSelection
+    selection : YarnSelection
         Yarns to include, as for `spacemap_vtk.textile.geometry.weave.build_weave`.
 
     Raises
