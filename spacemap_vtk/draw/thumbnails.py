@@ -7,6 +7,7 @@ changed, ``python -m spacemap_vtk.draw.thumbnails`` draws the outdated pictures 
 from __future__ import annotations
 
 import hashlib
+import json
 import tomllib
 from functools import lru_cache
 from pathlib import Path
@@ -38,11 +39,11 @@ def _parse_toml(text: str) -> dict[str, Any]:
 
 
 def digest_of(name: str) -> str:
-    """Return a digest of a scene and the files that it names."""
+    """Compute a digest of a scene's values and of the files that it names; comments do not count."""
     path = library.folder() / f"{name}.toml"
-    text = path.read_bytes()
-    digest = hashlib.sha256(text.replace(b"\r\n", b"\n"))
-    for table in _parse_toml(text.decode()).values():
+    tables = _parse_toml(path.read_text(encoding="utf-8"))
+    digest = hashlib.sha256(json.dumps(tables, sort_keys=True).encode())
+    for table in tables.values():
         for key in ("draft", "file"):
             if isinstance(table, dict) and key in table:
                 digest.update((path.parent / table[key]).read_bytes())
