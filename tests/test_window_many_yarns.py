@@ -52,7 +52,7 @@ def test_cloth_with_eight_hundred_yarns_follows_the_time(opened: Any) -> None:
     frame = window.view.frame
     assert frame.cloth is not None
     assert not frame.coarse
-    wait_until(lambda: any("a sheet in their colours" in text for text in window.view.frame.warnings))
+    wait_until(lambda: any("a sheet in their" in text for text in window.view.frame.warnings))
     image = window.view.image()
     assert np.ptp(image[image.shape[0] // 2].astype(int), axis=0).max() > 60
     window.times.go_to(0.1)

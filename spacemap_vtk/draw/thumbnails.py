@@ -39,7 +39,7 @@ def _parse_toml(text: str) -> dict[str, Any]:
 
 
 def digest_of(name: str) -> str:
-    """Compute a digest of a scene's values and of the files that it names; comments do not count."""
+    """Compute a digest of a scene's values and of the files that it names, without comments."""
     path = library.folder() / f"{name}.toml"
     tables = _parse_toml(path.read_text(encoding="utf-8"))
     digest = hashlib.sha256(json.dumps(tables, sort_keys=True).encode())
