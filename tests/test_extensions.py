@@ -128,7 +128,7 @@ def test_package_adds_a_member_to_each_group(installed: Path, tmp_path: Path) ->
 
     shown = " ".join(spacemap("--help").split())
     assert "spell Spell a word." in shown
-    assert "serve Show a scene in a browser on this machine, live." in shown
+    assert "serve Show a scene in a browser, with its motion and parameters." in shown
     assert spacemap("spell", "yarn") == "y-a-r-n\n"
     assert spacemap("recite", "plain_weave", "poem.txt") == "a poem\n"
     assert (tmp_path / "poem.txt").read_text().startswith("Plain weave")
