@@ -276,7 +276,7 @@ def limit_resources() -> None:
     from spacemap_vtk.errors import SpacemapWarning
     from spacemap_vtk.io import crash_check
 
-    memory.available_bytes = crash_check.available = lambda: FREE
+    memory.available_bytes = crash_check.available_bytes = lambda: FREE
     crash_check._MOST_SECONDS = 1
     os.environ["SPACEMAP_CACHE"] = "off"
     warnings.simplefilter("error")
