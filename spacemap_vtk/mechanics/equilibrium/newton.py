@@ -28,8 +28,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.equilibrium.body import Body
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
+from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -112,9 +112,9 @@ def find_equilibrium(
     # Raises InputError if nothing holds the body against the load, and SolverError if the steps do
     # not suffice.
     with blas_threads.use_one_thread():
-        body = Body([*loads, *terms], basis, start, progress or (lambda _: None))
-        load = -body.reduce_forces(np.sum([term.forces(start) for term in loads], axis=0))
-        if body.unresisted_share(load) > MAX_UNRESISTED:
+        system = ReducedSystem([*loads, *terms], basis, start, progress or (lambda _: None))
+        load = -system.reduce_forces(np.sum([term.forces(start) for term in loads], axis=0))
+        if system.unresisted_share(load) > MAX_UNRESISTED:
             raise InputError(
                 "the cage, or a part of it, is not held against the load",
                 cure="Fix a side or a corner of it, or remove the load",
@@ -123,18 +123,18 @@ def find_equilibrium(
         critical: float | None = None
         while solved_share < 1.0:
             share = min(1.0, solved_share + step)
-            search = _Search(body, len(loads), z, solved_share, share)
-            found = search.run(min(steps, body.steps + MAX_STEPS))
+            search = _Search(system, len(loads), z, solved_share, share)
+            found = search.run(min(steps, system.steps + MAX_STEPS))
             critical = search.critical if critical is None else critical
             if found is not None:
                 z, residual, solved_share, step = *found, share, 2 * step
                 continue
             step /= 2
-            if step < MIN_SHARE or body.steps >= steps:
-                raise _no_equilibrium(body.steps, solved_share, critical)
+            if step < MIN_SHARE or system.steps >= steps:
+                raise _no_equilibrium(system.steps, solved_share, critical)
     if progress is not None:
         progress(1.0)
-    return Equilibrium(z, body.steps, residual, critical)
+    return Equilibrium(z, system.steps, residual, critical)
 
 
 def _no_equilibrium(steps: int, solved_share: float, critical: float | None) -> SolverError:
@@ -149,11 +149,13 @@ def _no_equilibrium(steps: int, solved_share: float, critical: float | None) -> 
 class _Search:
     """Search for a stable state under a share of the load, from one under a smaller share."""
 
-    def __init__(self, body: Body, loads: int, start: Floats, before: float, share: float) -> None:
-        self._body, self._start, self._before, self._share = body, start, before, share
-        #: Number of loads; they are the first terms of the body.
+    def __init__(
+        self, system: ReducedSystem, loads: int, start: Floats, before: float, share: float
+    ) -> None:
+        self._system, self._start, self._before, self._share = system, start, before, share
+        #: Number of loads; they are the first terms of the system.
         self._loads = loads
-        body.factors[:loads] = share
+        system.factors[:loads] = share
         self._z, self._best, self._least_energy, self._steps_since_least = start, start, np.inf, 0
         #: Expected decrease of energy in the last step; the smallest such decrease recently; and
         #: the number of steps in a row that did not clearly go below it.
@@ -171,10 +173,10 @@ class _Search:
 
     def run(self, limit: int) -> tuple[Floats, float] | None:
         """Find the state and its residual; None if it needs more steps than the limit."""
-        body, load_norm = self._body, 0.0
-        while body.steps < limit:
+        system, load_norm = self._system, 0.0
+        while system.steps < limit:
             states = self._evaluate(self._z)
-            force, energies = body.forces(states), body.energies(states)
+            force, energies = system.forces(states), system.energies(states)
             energy, size = float(energies.sum()), float(abs(energies).sum())
             unbalanced = float(np.linalg.norm(force))
             load_norm = load_norm or self._load_norm(states) or unbalanced or 1.0
@@ -188,10 +190,12 @@ class _Search:
             if settled or self._removed_share < EXACT or self._expected_decrease <= EARLY * size:
                 self._removed_share = 0.0
             own = settled or self._must_descend
-            matrix = body.tangent(states, None if own else self._predictions, self._removed_share)
+            matrix = system.tangent(states, None if own else self._predictions, self._removed_share)
             is_definite = self._removed_share == 1.0
             try:
-                solve = body.factorise_definite(matrix) if is_definite else body.factorise(matrix)
+                solve = (
+                    system.factorise_definite(matrix) if is_definite else system.factorise(matrix)
+                )
             except SolverError:
                 if self._removed_share > 0.0:
                     self._removed_share = min(1.0, 3.0 * self._removed_share)
@@ -200,7 +204,7 @@ class _Search:
                 found = settled or self._expected_decrease <= EARLY * size
                 if not (found and not self._leave_unstable_state(states, matrix) and settled):
                     continue
-            if settled and body.admits(self._z):
+            if settled and system.admits(self._z):
                 return self._z, unbalanced / load_norm
             if settled and self._must_descend:
                 return None
@@ -223,13 +227,13 @@ class _Search:
 
     def _evaluate(self, z: Floats) -> list[TermState]:
         if self._last_evaluation is None or self._last_evaluation[0] is not z:
-            self._last_evaluation = z, self._body.evaluate(z)
+            self._last_evaluation = z, self._system.evaluate(z)
         return self._last_evaluation[1]
 
     def _load_norm(self, states: list[TermState]) -> float:
         """Compute the norm of the loads."""
         forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
-        return self._share * float(np.linalg.norm(self._body.reduce_forces(forces)))
+        return self._share * float(np.linalg.norm(self._system.reduce_forces(forces)))
 
     def _return_if_astray(self, energy: float, size: float, settled: bool) -> bool:
         """Go back to the state of least energy if the search leads away from it."""
@@ -252,8 +256,8 @@ class _Search:
 
     def _make_step(self, states: list[TermState], q: Floats) -> None:
         """Make a step, and choose the next tangent."""
-        move = self._body.node_moves(q)
-        most = self._body.largest_step(self._z, move)
+        move = self._system.node_moves(q)
+        most = self._system.largest_step(self._z, move)
         if self._must_descend:
             length = self._search_line(q, np.zeros_like(q), min(2.0, most))[0]
             near = length > 0.5
@@ -272,28 +276,33 @@ class _Search:
 
     def _leave_unstable_state(self, states: list[TermState], matrix: sp.csr_matrix) -> bool:
         """Leave a state of indefinite tangent; return whether it is indefinite beyond rounding."""
-        body = self._body
-        value, q, solve = body.lowest_eigenpair(matrix, body.tangent(states, removed=1.0))
+        system = self._system
+        value, q, solve = system.lowest_eigenpair(matrix, system.tangent(states, removed=1.0))
         self._expected_decrease = np.inf
         if value > -ROUNDING * float(abs(q) @ (abs(matrix) @ abs(q))):
             return False
         straight = self._z - self._start
-        if self.critical is None and body.largest_step(self._start, straight) * PROPORTIONAL > 1.0:
-            stable = body.tangent(body.evaluate(self._start))
-            way = -1.0 / body.lowest_eigenpair(matrix - stable, stable)[0]
+        if (
+            self.critical is None
+            and system.largest_step(self._start, straight) * PROPORTIONAL > 1.0
+        ):
+            stable = system.tangent(system.evaluate(self._start))
+            way = -1.0 / system.lowest_eigenpair(matrix - stable, stable)[0]
             self.critical = self._before + (self._share - self._before) * way
         # The first of the largest components is made positive, or rounding would choose the side.
         q = q * np.sign(q[(abs(q) > 0.999 * abs(q).max()).argmax()])
-        move = body.node_moves(q)
-        q = q * min(body.largest_step(self._z, side * move) for side in (1.0, -1.0))
-        move = body.node_moves(q)
+        move = system.node_moves(q)
+        q = q * min(system.largest_step(self._z, side * move) for side in (1.0, -1.0))
+        move = system.node_moves(q)
         # Bending must not stretch the sheet, so the path is curved: z + a Δz + a² w (Koiter 1945).
-        there, back = (body.forces(body.evaluate(self._z + side * move)) for side in (1.0, -1.0))
-        bend = -solve((there + back) / 2 - body.forces(states))
+        there, back = (
+            system.forces(system.evaluate(self._z + side * move)) for side in (1.0, -1.0)
+        )
+        bend = -solve((there + back) / 2 - system.forces(states))
         length, energy = self._search_line(q, bend, 1.0)
         other, lower = self._search_line(-q, bend, 1.0)
         length = -other if lower < energy else length
-        move, curve = length * move, length**2 * body.node_moves(bend)
+        move, curve = length * move, length**2 * system.node_moves(bend)
         self._predictions = [state.predict(move, curve) for state in states]
         self._z = self._z + move + curve
         return True
@@ -301,13 +310,13 @@ class _Search:
     def _search_line(self, q: Floats, bend: Floats, most: float) -> tuple[float, float]:
         """Find how far, up to `most`, the energy falls along a q + a² bend, and its value there."""
         # The only assumption about the energy is that its slope along the path is continuous.
-        body, z = self._body, self._z
-        move, curve = body.node_moves(q), body.node_moves(bend)
+        system, z = self._system, self._z
+        move, curve = system.node_moves(q), system.node_moves(bend)
 
         def trial(length: float) -> tuple[float, float, float]:
             states = self._evaluate(z + length * move + length**2 * curve if length else z)
-            energies = body.energies(states)
-            slope = float(body.forces(states) @ (q + 2 * length * bend))
+            energies = system.energies(states)
+            slope = float(system.forces(states) @ (q + 2 * length * bend))
             return float(energies.sum()), float(abs(energies).sum()), slope
 
         return search_line(trial, most)

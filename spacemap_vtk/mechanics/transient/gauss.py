@@ -36,8 +36,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
-from spacemap_vtk.mechanics.equilibrium.body import Body
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg.factors import Solve, factorise_ordered
 from spacemap_vtk.ndarrays import Floats, Ints
 
@@ -136,30 +136,37 @@ class _KeptTangent(NamedTuple):
 class GaussIntegrator:
     """Equations of motion of a body; forces and energies are divided by its modulus."""
 
-    # Terms of the body that are not conservative do external work. Each is multiplied by a factor
+    # Terms of the system that are not conservative do external work. Each is multiplied by a factor
     # that may change with time, see `ActingLoads`.
 
     def __init__(
-        self, body: Body, mass: sp.csr_matrix, alpha: float, beta: float, drag: Floats | None = None
+        self,
+        system: ReducedSystem,
+        mass: sp.csr_matrix,
+        alpha: float,
+        beta: float,
+        drag: Floats | None = None,
     ) -> None:
-        self.body, self.mass, self.alpha, self.beta = body, mass.tocsr(), alpha, beta
+        self.system, self.mass, self.alpha, self.beta = system, mass.tocsr(), alpha, beta
         #: Numbers of the terms that are strains, and of the others; `_driven` marks those of the
         #: others that do external work.
-        self._strained = [k for k, t in enumerate(body.terms) if isinstance(t, Strains)]
-        self._kinds = [term for term in body.terms if isinstance(term, Strains)]
-        self._others = [k for k, t in enumerate(body.terms) if not isinstance(t, Strains)]
-        self._driven = np.array([not body.terms[k].conservative for k in self._others], dtype=bool)
+        self._strained = [k for k, t in enumerate(system.terms) if isinstance(t, Strains)]
+        self._kinds = [term for term in system.terms if isinstance(term, Strains)]
+        self._others = [k for k, t in enumerate(system.terms) if not isinstance(t, Strains)]
+        self._driven = np.array(
+            [not system.terms[k].conservative for k in self._others], dtype=bool
+        )
         size = self.mass.shape[0]
         #: Matrix U of the equations above, (N, m).
         self.drag = np.empty((size, 0)) if drag is None else drag
-        extent = float(np.linalg.norm(np.ptp(body.start, axis=0)))
+        extent = float(np.linalg.norm(np.ptp(system.start, axis=0)))
         self._least_correction = NEGLIGIBLE * extent * math.sqrt(float(mass.diagonal().sum()))
-        self._system = _StageSystem(body, self.mass)
+        self._stage_system = _StageSystem(system, self.mass)
         self._kept: _KeptTangent | None = None
 
     def evaluate(self, position: Floats) -> list[TermState]:
         """Evaluate all terms at q."""
-        return self.body.evaluate(self._nodal(position))
+        return self.system.evaluate(self._nodal(position))
 
     def strain_states(self, parts: list[TermState]) -> list[StrainState]:
         """Select the terms that are strains."""
@@ -273,9 +280,9 @@ class GaussIntegrator:
         difference += self._apply_damping(rate) + self._viscous_forces(parts, rate) - load.push
         for number, factor in zip(self._others, self._term_factors(load), strict=True):
             if factor:
-                difference += factor * self.body.reduce_forces(parts[number].forces)
+                difference += factor * self.system.reduce_forces(parts[number].forces)
         found = solve(np.stack([difference, difference]))
-        return self.body.node_moves(found[1] / (30 * STAGES[1] ** 2))
+        return self.system.node_moves(found[1] / (30 * STAGES[1] ** 2))
 
     def _inertia(self, changes: Floats, span: float) -> Floats:
         """Compute M ẍ at the stages from the changes of their rates since the start, (2, N)."""
@@ -284,8 +291,8 @@ class GaussIntegrator:
     def _evaluate_stages(
         self, position: Floats, moves: Floats, speeds: Floats, parts: list[StrainState], span: float
     ) -> list[_ElementStages]:
-        places = [self.body.start + self.body.node_moves(position + move) for move in moves]
-        flows = [self.body.node_moves(speed) for speed in speeds]
+        places = [self.system.start + self.system.node_moves(position + move) for move in moves]
+        flows = [self.system.node_moves(speed) for speed in speeds]
         found = []
         for part in parts:
             kind = part.kind
@@ -317,7 +324,7 @@ class GaussIntegrator:
         self, stages: list[_ElementStages], change: Floats, span: float
     ) -> list[list[Floats]]:
         """Predict the stress at the stages after a correction, to first order."""
-        moved = [self.body.node_moves(part) for part in change]
+        moved = [self.system.node_moves(part) for part in change]
         return [
             [
                 stage.stress[i]
@@ -340,7 +347,7 @@ class GaussIntegrator:
     ) -> Solve | None:
         """Factorise the tangent of both stages; return its solver, or None if it is singular."""
         others = self._mean_tangents(between, factors)
-        tangents = np.empty((2, 2, self._system.count))
+        tangents = np.empty((2, 2, self._stage_system.count))
         for i, k in np.ndindex(2, 2):
             blocks = {number: found[i, k] for number, found in others.items()}
             for number, kind, pull, stage in zip(
@@ -352,9 +359,9 @@ class GaussIntegrator:
                     self._slopes(stage, span, i, k),
                 )
             ordered = [blocks[number] for number in range(len(blocks))]
-            tangents[i, k] = self.body.assemble(ordered).data
+            tangents[i, k] = self.system.assemble(ordered).data
         heavy = _INVERSE @ _INVERSE / span**2 + self.alpha / span * _INVERSE
-        solve = self._system.solution(tangents, heavy)
+        solve = self._stage_system.solution(tangents, heavy)
         drag = self.drag
         if solve is None or not drag.size:
             return solve
@@ -383,7 +390,7 @@ class GaussIntegrator:
         """Evaluate the terms other than strains at each point of the quadrature."""
         if not self._others:
             return [[] for _ in _TIMES]
-        terms = [self.body.terms[number] for number in self._others]
+        terms = [self.system.terms[number] for number in self._others]
         places = [self._nodal(position + _stage_weights(time) @ moves) for time in _TIMES]
         return [[term.evaluate(place) for term in terms] for place in places]
 
@@ -399,7 +406,7 @@ class GaussIntegrator:
         for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
             for state, size in zip(states, sizes, strict=True):
                 if size:
-                    force = self.body.reduce_forces(size * state.forces)
+                    force = self.system.reduce_forces(size * state.forces)
                     total += 2 * _SHARES[point] * _LAGRANGE[:, point, None] * force
         return total
 
@@ -438,7 +445,7 @@ class GaussIntegrator:
             return forces
         end = self._nodal(_end_position(position, moves))
         before = np.array([parts[number].energy for number in held])
-        after = np.array([self.body.terms[number].energy(end) for number in held])
+        after = np.array([self.system.terms[number].energy(end) for number in held])
         missing = float((after - before).sum()) - span / 2 * float(np.vdot(forces, speeds))
         if abs(missing) <= ENERGY_ROUNDING * float((abs(before) + abs(after)).sum()):
             return forces
@@ -450,17 +457,17 @@ class GaussIntegrator:
             return True
         places = [position + _stage_weights(time) @ moves for time in _TIMES]
         nodal = [self._nodal(place) for place in (*places, _end_position(position, moves))]
-        terms = [self.body.terms[number] for number in self._others]
-        return all(term.admits(self.body.start, place) for term in terms for place in nodal)
+        terms = [self.system.terms[number] for number in self._others]
+        return all(term.admits(self.system.start, place) for term in terms for place in nodal)
 
     def _nodal(self, position: Floats) -> Floats:
-        return self.body.start + self.body.node_moves(position)
+        return self.system.start + self.system.node_moves(position)
 
     def _is_far(self, position: Floats, moves: Floats) -> bool:
         """Check whether a tangent at a position no longer fits after any of the given moves."""
         place = self._nodal(position)
         return any(
-            NEAR * self.body.largest_step(place, self.body.node_moves(move)) < 1.0
+            NEAR * self.system.largest_step(place, self.system.node_moves(move)) < 1.0
             for move in np.atleast_2d(moves)
         )
 
@@ -472,7 +479,7 @@ class GaussIntegrator:
         """Multiply a move or a rate by β Gᵀ C G."""
         if self.beta == 0.0:
             return np.zeros_like(move)
-        moved, strains = self.body.node_moves(move), self.strain_states(parts)
+        moved, strains = self.system.node_moves(move), self.strain_states(parts)
         stress = [
             self.beta * part.kind.stresses(part.kind.strain_changes(part.gradients, moved))
             for part in strains
@@ -482,17 +489,17 @@ class GaussIntegrator:
     def _element_forces(
         self, parts: list[StrainState], stress: list[Floats], gradients: list[Floats]
     ) -> Floats:
-        total = np.zeros_like(self.body.start)
+        total = np.zeros_like(self.system.start)
         for part, pull, slope in zip(parts, stress, gradients, strict=True):
             total += part.kind.sum_forces(pull, slope, len(total))
-        return self.body.reduce_forces(total)
+        return self.system.reduce_forces(total)
 
 
 class _StageSystem:
-    """Linear systems for both stages, in which each unknown of the body occurs twice."""
+    """Linear systems for both stages, in which each unknown of the system occurs twice."""
 
-    def __init__(self, body: Body, mass: sp.csr_matrix) -> None:
-        pattern = body.pattern()
+    def __init__(self, system: ReducedSystem, mass: sp.csr_matrix) -> None:
+        pattern = system.pattern()
         size, count = pattern.shape[0], pattern.nnz
         self._size = 2 * size
         #: Number of entries in the pattern of a tangent.
@@ -514,7 +521,7 @@ class _StageSystem:
             format="csr",
         )
         #: Unknowns in the order of elimination; the two of a coordinate are neighbours.
-        self._order: Ints = (body.order[:, None] + [0, size]).ravel()
+        self._order: Ints = (system.order[:, None] + [0, size]).ravel()
         ordered = blocks[self._order][:, self._order].tocsc()
         self._entries = ordered.data.astype(np.int64) - 1
         self._rows, self._starts = ordered.indices, ordered.indptr

@@ -22,8 +22,8 @@ from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
 from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
 from spacemap_vtk.mechanics.elements.strains import StrainState
-from spacemap_vtk.mechanics.equilibrium.body import Body
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
@@ -156,7 +156,7 @@ class SteppedMotion(Motion):
             for load in self.loads
             if load.faces is not None
         ]
-        body = Body([*pencil.terms, *followers], pencil.basis, start)
+        system = ReducedSystem([*pencil.terms, *followers], pencil.basis, start)
         #: Number of terms other than followers that do external work.
         self._driven_count = sum(not term.conservative for term in pencil.terms)
         mass = (model.density / model.modulus) * pencil.mass
@@ -164,9 +164,9 @@ class SteppedMotion(Motion):
         self.rest = np.zeros_like(self.points)
         if model.displacement is not None:
             self.rest = model.displacement
-        beta, drag = _damping_from_ratios(cage, body, mass, damping)
-        self._integrator = GaussIntegrator(body, mass, damping.alpha, beta, drag)
-        self._dead = body.reduce_forces(dead)
+        beta, drag = _damping_from_ratios(cage, system, mass, damping)
+        self._integrator = GaussIntegrator(system, mass, damping.alpha, beta, drag)
+        self._dead = system.reduce_forces(dead)
         self._pushes = [
             pencil.reduce_forces(cage.vertex_forces(load)[:, None])[:, 0] / model.modulus
             for load in self.loads
@@ -403,7 +403,7 @@ class SteppedMotion(Motion):
     def _node_moves(self, position: Floats) -> Floats:
         """Compute the move of the nodal vectors from the first state, (V, 3)."""
         first = self.states[0, COLUMNS : COLUMNS + len(position)]
-        return self._integrator.body.node_moves(position - first)
+        return self._integrator.system.node_moves(position - first)
 
     def _relative_error(self, errors: Floats, position: Floats) -> float:
         """Compare the estimated errors (V, 3) of a step with the motion up to its end."""
@@ -438,7 +438,7 @@ class SteppedMotion(Motion):
                 way, speed = way - value * push, speed - slope * push
         if not (way.any() or speed.any()):
             return
-        solve = self._integrator.body.factorise_unsymmetric(self._integrator.mass)
+        solve = self._integrator.system.factorise_unsymmetric(self._integrator.mass)
         way = solve(way)
         parts = self._integrator.evaluate(q + way / 2)
         v = v + solve(speed - self._integrator.damping_impulse(parts, way))
@@ -456,7 +456,7 @@ def _longer_vectors(first: Floats, second: Floats) -> Floats:
 
 
 def _damping_from_ratios(
-    cage: CageModes, body: Body, mass: csr_matrix, damping: Damping
+    cage: CageModes, system: ReducedSystem, mass: csr_matrix, damping: Damping
 ) -> tuple[float, Floats | None]:
     """Compute β and U so that C = β K + U Uᵀ gives the modes their damping ratios."""
     values = cage.eigenvalues
@@ -475,9 +475,14 @@ def _damping_from_ratios(
     beta = damping.beta + float((resisted[swing] / values[swing]).min())
     fields = cage.model.pencil.reduce_displacements(cage.shapes.T)
     mine = np.zeros((len(values), len(values)))
-    for part in (state for state in body.evaluate(body.start) if isinstance(state, StrainState)):
+    for part in (
+        state for state in system.evaluate(system.start) if isinstance(state, StrainState)
+    ):
         strained = np.stack(
-            [part.kind.strain_changes(part.gradients, body.node_moves(field)) for field in fields.T]
+            [
+                part.kind.strain_changes(part.gradients, system.node_moves(field))
+                for field in fields.T
+            ]
         )
         stress = np.stack([part.kind.stresses(change) for change in strained])
         mine += stress.reshape(len(values), -1) @ strained.reshape(len(values), -1).T

@@ -1,4 +1,4 @@
-"""Energy, forces and tangent of a body, reduced to the coordinates that its supports leave free."""
+"""Energy, forces and tangent of energy terms in the coordinates that supports leave free."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ SHIFT, MOST_SHIFT = 1e-13, 1e-8
 _DENSE = 60
 
 
-class Body:
-    """Energy terms in free coordinates q; the nodal positions are z = ``start + T q``."""
+class ReducedSystem:
+    """Sum of energy terms in free coordinates q; the nodal positions are z = ``start + T q``."""
 
     def __init__(
         self,
