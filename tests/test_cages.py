@@ -265,7 +265,7 @@ def test_cancelling_ends_the_process_of_ftetwild(tmp_path: Path) -> None:
     pytest.importorskip("pytetwild")
     program = "import sys, numpy as np; from spacemap_vtk.cage import tetwild\n"
     program += "tetwild._PROGRAM = 'import time; time.sleep(60)'  # a large surface\n"
-    program += "tetwild.filled(np.eye(3), np.array([[0, 1, 2]]), 0.1)"
+    program += "tetwild.fill_surface(np.eye(3), np.array([[0, 1, 2]]), 0.1)"
     given = {**os.environ, "TMPDIR": str(tmp_path)}
     with subprocess.Popen([sys.executable, "-c", program], env=given) as process:
         end = time.monotonic() + 30

@@ -50,7 +50,7 @@ def test_large_bending_of_a_beam_equals_that_of_calculix(tmp_path: Path) -> None
 
     fixed = np.repeat(held[:, None], 3, axis=1)
     model = Model(points, cells, isotropic(MODULUS, RATIO), DENSITY, fixed)
-    model.pencil.__dict__["whole_mass"] = their_mass(points, cells, 1.0)
+    model.pencil.__dict__["full_mass"] = their_mass(points, cells, 1.0)
     cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
     load = cage.load_vector(
         "force",

@@ -91,28 +91,28 @@ def status(name):
     rows = open("/proc/self/status").read().splitlines()
     return next(1024 * int(row.split()[1]) for row in rows if row.startswith(name))
 
-said, refuse = [], memory.require
+sizes, refuse = [], memory.require_memory
 
-def require(size, *rest, **more):
-    said.append(status("VmRSS") + size)  # with what there is when it is asked
+def require_memory(size, *rest, **more):
+    sizes.append(status("VmRSS") + size)  # together with what is in use at that time
     refuse(size, *rest, **more)
 
-memory.require = require
+memory.require_memory = require_memory
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
 
 def export(yarns):
-    what, values, told = json.loads(sys.argv[2])
+    what, values, options = json.loads(sys.argv[2])
     scene = Scene({"weave": {"ends": yarns, "picks": yarns}, **values})
-    make_data_job(Path(sys.argv[1]), what, **told).run(scene)
+    make_data_job(Path(sys.argv[1]), what, **options).run(scene)
 
 export(24)  # what is loaded and compiled is there before
-said.clear()
+sizes.clear()
 gc.collect()
 open("/proc/self/clear_refs", "w").write("5")
 before = status("VmRSS")
 export(int(sys.argv[3]))
-print(json.dumps([max(said) - before, status("VmHWM") - before]))
+print(json.dumps([max(sizes) - before, status("VmHWM") - before]))
 """
 FINE, COARSE = {"surface": {"subdivisions": 3}}, {"surface": {"subdivisions": 1}}
 FRAMES = [0.01 * number for number in range(12)]
@@ -121,7 +121,7 @@ FILM = {"times": FRAMES, "subdivisions": 3, "tolerance": 2e-6}
 
 @pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
 @pytest.mark.parametrize(
-    ("ending", "yarns", "what", "values", "told"),
+    ("ending", "yarns", "what", "values", "options"),
     [
         (".vtp", 60, "", FINE, {}),
         *(
@@ -142,9 +142,9 @@ FILM = {"times": FRAMES, "subdivisions": 3, "tolerance": 2e-6}
     ],
 )
 def test_estimate_for_an_export_is_within_a_factor_of_two(
-    ending: str, yarns: int, what: str, values: Any, told: Any, tmp_path: Path
+    ending: str, yarns: int, what: str, values: Any, options: Any, tmp_path: Path
 ) -> None:
-    order = json.dumps([what, values, told])
+    order = json.dumps([what, values, options])
     done = subprocess.run(
         [sys.executable, "-c", EXPORT, str(tmp_path / f"a{ending}"), order, str(yarns)],
         capture_output=True,
@@ -159,7 +159,7 @@ def test_estimate_for_an_export_is_within_a_factor_of_two(
         },
     )
     estimate, peak = json.loads(done.stdout)
-    words = f"{ending} {yarns} {what} {values} {told}"
+    words = f"{ending} {yarns} {what} {values} {options}"
     print(f"{words}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
     assert peak / 2 < estimate < 2 * peak
 

@@ -125,7 +125,7 @@ def test_too_large_factors_are_refused_first(monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: 1000)
     with pytest.raises(SizeError, match="factorising 300 degrees"):
         Cholesky(K, analysis)
-    assert multifrontal.require is memory.require
+    assert multifrontal.require_memory is memory.require_memory
 
 
 def test_progress_can_cancel():

@@ -65,10 +65,10 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
 @pytest.mark.parametrize(
     ("change", "printed"),
     [
-        ({"scene": '[weave]\ndraft = "../secret.wif"\n'}, "not among the files"),
-        ({"scene": '[motion]\nfile = "../s*.vtu"\n'}, "not among the files"),
-        ({"scene": '[[response.loads]]\nfile = "../secret.wif"\n'}, "not among the files"),
-        ({"inputs": {"../secret.wif": "0" * 64}}, "has changed since"),
+        ({"scene": '[weave]\ndraft = "../secret.wif"\n'}, "not among its input files"),
+        ({"scene": '[motion]\nfile = "../s*.vtu"\n'}, "not among its input files"),
+        ({"scene": '[[response.loads]]\nfile = "../secret.wif"\n'}, "not among its input files"),
+        ({"inputs": {"../secret.wif": "0" * 64}}, "has changed"),
         ({"order": {"what": "painted", "nothing": 1}}, "invalid description of a job"),
         ({"order": {"what": "painted", "times": "soon"}}, "invalid description of a job"),
         ({"order": ["picture"]}, "damaged"),

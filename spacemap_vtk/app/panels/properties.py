@@ -123,13 +123,13 @@ class Properties(QScrollArea):
         return self._document.scene.parts[self.section]
 
     @property
-    def _written(self) -> Mapping[str, Any]:
+    def _scene_values(self) -> Mapping[str, Any]:
         """The values of the section that are written in the scene file."""
         return self._document.values.get(self.section, {})
 
     def _show_value(self, row: ParameterRow) -> None:
         name = row.parameter.name
-        row.show_value(getattr(self._part, name), name not in self._written)
+        row.show_value(getattr(self._part, name), name not in self._scene_values)
 
     def _make_row(self, parameter: Parameter[Any], half_label: str = "") -> ParameterRow:
         # The editor of loads is made here, not by `make_editor`, because it contains rows.
@@ -167,7 +167,7 @@ class Properties(QScrollArea):
         self._last_edited = ""
         if not self.section:
             return
-        part, written = self._part, self._written
+        part, written = self._part, self._scene_values
         # Setting a value switches a stage on. A stage that needs no value, such as RotationStrain,
         # needs this button.
         self.switch_on_button.setVisible(
@@ -185,7 +185,7 @@ class Properties(QScrollArea):
         self._show_relevant_rows()
 
     def _show_relevant_rows(self) -> None:
-        part, written = self._part, self._written
+        part, written = self._part, self._scene_values
         for name, row in self.rows.items():
             if row.parameter.when:
                 reason = idle_reason(part, name, self._results.get(self.section, {}))

@@ -43,11 +43,11 @@ class ClipHandle:
         self.widget.SetInteractor(interactor)
         self.widget.SetRepresentation(self.shape)
 
-        def tell(_caller: Any, event: str) -> None:
+        def on_event(_caller: Any, event: str) -> None:
             moved(event == "EndInteractionEvent")
 
         self._observers = [
-            self.widget.AddObserver(event, tell)
+            self.widget.AddObserver(event, on_event)
             for event in ("InteractionEvent", "EndInteractionEvent")
         ]
 

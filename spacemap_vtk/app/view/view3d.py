@@ -173,7 +173,7 @@ class View3D(QWidget):
     def _observe_camera(self) -> None:
         reference, style = weakref.ref(self), self.canvas.interactor.GetInteractorStyle()
 
-        def tell(style: vtkInteractorStyle, event: str) -> None:
+        def on_event(style: vtkInteractorStyle, event: str) -> None:
             view = reference()
             if view is None:
                 return
@@ -185,7 +185,7 @@ class View3D(QWidget):
                 view.steer(event == "StartInteractionEvent")
 
         for name in ("StartInteractionEvent", "InteractionEvent", "EndInteractionEvent"):
-            style.AddObserver(name, tell)
+            style.AddObserver(name, on_event)
 
     @property
     def _up_axis(self) -> int:

@@ -298,12 +298,12 @@ class Pipeline:
         section, before = stage.section if listed else scene.surface.section, stage.executions
         progressed = self._report_progress
 
-        def tell(caller: Stage, event: str) -> None:
+        def on_event(caller: Stage, event: str) -> None:
             progressed(section, caller.GetProgress(), caller.GetProgressText() or "")
 
         progressed(section, 0.0, "")
         # Only during the update: a permanent observer would keep the window alive with the stage.
-        observer = stage.AddObserver("ProgressEvent", tell)
+        observer = stage.AddObserver("ProgressEvent", on_event)
         begin = time.perf_counter()
         try:
             scene.update_stage(stage, time_s, piece)

@@ -143,12 +143,12 @@ class ReducedSystem:
         if solve is None:
             raise SolverError("the tangent of this step is singular")
 
-        def solved(right: Floats) -> Floats:
+        def solve_reordered(right: Floats) -> Floats:
             result = np.empty_like(right)
             result[order] = solve(right[order])
             return result
 
-        return solved
+        return solve_reordered
 
     def lowest_eigenpair(
         self, matrix: sp.csr_matrix, definite: sp.csr_matrix

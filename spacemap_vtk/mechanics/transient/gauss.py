@@ -373,12 +373,12 @@ class GaussIntegrator:
         seen = (whole @ drag).reshape(2 * count, 2 * count).T
         small = np.linalg.inv(np.kron(span * _A, np.eye(count)) + seen)
 
-        def solved(right: Floats) -> Floats:
+        def solve_with_drag(right: Floats) -> Floats:
             found = solve(right)
             share = small @ (found @ drag).ravel()
             return found - np.tensordot(share, whole, 1)
 
-        return solved
+        return solve_with_drag
 
     def _term_factors(self, load: ActingLoads) -> Floats:
         """Return the factor of each term other than strains: 1 unless it does external work."""
@@ -535,12 +535,12 @@ class _StageSystem:
         if solve is None:
             return None
 
-        def solved(right: Floats) -> Floats:
+        def solve_reordered(right: Floats) -> Floats:
             result = np.empty(self._size)
             result[self._order] = solve(right.ravel()[self._order])
             return result.reshape(2, -1)
 
-        return solved
+        return solve_reordered
 
 
 def _end_position(position: Floats, moves: Floats) -> Floats:
