@@ -172,7 +172,7 @@ def test_feasible_interval_of_the_crimp_height_is_updated(open_scene: Any) -> No
     wait_until(lambda: field.editor.toolTip() != before)
     assert "feasible: " in field.editor.toolTip()
     # The automatic value is shown in grey.
-    found = window.document.scene.source.found["warp_crimp_height"]
+    found = window.document.scene.source.automatic_values["warp_crimp_height"]
     assert f"{found * 1e3:.4g} mm" == field.editor.line.placeholderText()
     # Switching "auto" off starts with the automatic value.
     QTest.mouseClick(

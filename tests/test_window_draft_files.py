@@ -13,7 +13,7 @@ from window import require_display, settled, type_into, wait_until
 require_display()
 
 from PySide6.QtWidgets import QFileDialog, QLabel, QMessageBox  # noqa: E402
-from test_window_draft import LEFT, click, woven  # noqa: E402
+from test_window_draft import LEFT, click, drawdown_of  # noqa: E402
 
 from spacemap_vtk.app.documents.draft_versions import DraftVersions  # noqa: E402
 from spacemap_vtk.errors import InputError  # noqa: E402
@@ -31,7 +31,7 @@ def test_edited_draft_is_saved_next_to_its_scene(draft_of: Any, qtbot: Any, twil
     click(qtbot, window, "threading", 2, 4)
     saved = window.document.scene.source.draft
     window.menus.actions["Copy as command line"].trigger()
-    assert "save the scene" in window.errors.text
+    assert "Save the scene" in window.errors.text
     # An existing file of that name is never overwritten.
     other = twill.parent / "mine.wif"
     other.write_text("not mine")
@@ -69,7 +69,7 @@ def test_draft_version_is_complete_after_a_failed_write(
     assert len(format_wif(wif)) > 2**12
     (disk / "fill").write_bytes(bytes(2**16 - 2**12))  # too little space
     keeper = DraftVersions()
-    with pytest.raises(InputError, match=f"Make room in {disk}"):
+    with pytest.raises(InputError, match=f"Free space in {disk}"):
         keeper.add(wif)
     (disk / "fill").unlink()
     np.testing.assert_array_equal(read_wif(keeper.add(wif)).drawdown, drawdown)
@@ -86,7 +86,7 @@ def test_drafts_can_be_opened_and_saved_as_wif(
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(out), ""))
     divisions = window.document.scene.cage.divisions
     qtbot.mouseClick(window.draft.open_button, LEFT)
-    assert woven(window).shape == (8, 8)
+    assert drawdown_of(window).shape == (8, 8)
     assert window.document.scene.cage.divisions == divisions  # the rest of the scene is unchanged
     click(qtbot, window, "treadling", 4, 1)
     qtbot.mouseClick(window.draft.save_button, LEFT)
@@ -101,7 +101,7 @@ def test_drafts_can_be_opened_and_saved_as_wif(
     qtbot.mouseClick(window.draft.open_button, LEFT)
     wait_until(lambda: window.errors.text)
     window.menus.actions["Undo"].trigger()
-    assert woven(window).shape == (8, 8)
+    assert drawdown_of(window).shape == (8, 8)
 
 
 def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: Path) -> None:
@@ -250,7 +250,7 @@ def test_draft_can_be_opened_edited_and_saved_as_a_document(
     window.document.open("twill_2_2")
     window.menus.actions["Save as…"].trigger()
     assert [about[1] for about in dialogs] == [str(file), str(file.parent / "twill_2_2.toml")]
-    assert "no .wifw can be written" in dialogs[0][0]
+    assert ".wifw cannot be written" in dialogs[0][0]
 
 
 def test_yarn_colours_are_written_as_their_repeat() -> None:

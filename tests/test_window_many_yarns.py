@@ -155,7 +155,7 @@ def test_run_for_the_view_is_cancelled_when_the_camera_moves(
         wait.wait(20.0)
         return ""
 
-    monkeypatch.setattr(yarn_parts.NearYarns, "follow", slow)
+    monkeypatch.setattr(yarn_parts.NearYarns, "follow_view", slow)
     view.zoom(1.5)
     wait_until(going.is_set)
     assert director._follows_camera

@@ -378,8 +378,8 @@ def test_slow_curves_show_progress_and_can_be_cancelled(
     plots, engine = window.plots, window.engine
     shown = []
 
-    def slow(scene: Any, wish: Any) -> Any:
-        for share in compute_curves(scene, wish):
+    def slow(scene: Any, request: Any) -> Any:
+        for share in compute_curves(scene, request):
             shown.append(share)
             time.sleep(0.06)
             yield share

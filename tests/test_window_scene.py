@@ -204,7 +204,7 @@ def test_style_can_be_chosen_and_undone(open_scene: Any) -> None:
     window.tools.styles["blueprint"].trigger()
     wait_until(lambda: settled(window))
     corner = window.view.image()[-4, 4].astype(int)
-    assert np.abs(corner - STYLES["blueprint"].below).max() < 3
+    assert np.abs(corner - STYLES["blueprint"].bottom_color).max() < 3
     assert 'style = "blueprint"' in window.document.text
     window.document.history.undo()
     assert window.document.text == before

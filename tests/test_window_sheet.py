@@ -198,7 +198,7 @@ def test_equilibrium_displacement_can_be_shown_in_colour(open_scene: Any, strip:
     window = open_scene(str(strip))
     bar = window.view.scene_view.surface.color_bar
     sag = np.linalg.norm(equilibrium(window), axis=1).max()
-    titles = {"equilibrium": "Displacement, equilibrium", "displacement": "Displacement"}
+    titles = {"equilibrium": "Displacement\nequilibrium", "displacement": "Displacement"}
     for name, title in titles.items():
         assert window.tools.colorings[name].isVisible()
         window.tools.colorings[name].trigger()
