@@ -442,12 +442,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             softly = "softly" if times < 1 else "stiffly"
             lower = "lower" if times > 1 else "raise"
             times = max(times, 1 / times)
+            shown_plate = format_quantity(float(f"{plate:.3g}"), "m")
             self.warn(
-                f"a cage {format_quantity(float(f'{extent:.3g}'), 'm')} thick that stretches like "
-                f"{self.material} bends {times:.2g} times too {softly} ({self.material} bends like "
-                f"a plate of {format_quantity(float(f'{plate:.3g}'), 'm')}); set [modal] elements "
-                f'= "sheet", or {lower} youngs_moduli and shear_moduli {times:.2g} times to bend '
-                "correctly"
+                f"the cage stretches like {self.material}, but bends {times:.2g} times too "
+                f"{softly} ({self.material} bends like a plate of {shown_plate}); set "
+                f'modal.elements = "sheet", or {lower} youngs_moduli and shear_moduli '
+                f"{times:.2g} times"
             )
 
     def _warn_of_rounding(self, rounding: Floats) -> None:
@@ -483,22 +483,26 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         factors = {"bend": bending} if linear else {}
         if twist > BENDS_ALIKE:
             factors["twist"] = twist
-        fine = f"cells no wider than {TWISTS_WELL} thicknesses "
-        fine += f"({format_quantity(float(f'{TWISTS_WELL * sheet.thickness:.3g}'), 'm')})"
+        widest = format_quantity(float(f"{TWISTS_WELL * sheet.thickness:.3g}"), "m")
+        fine = f"cells no wider than {TWISTS_WELL} thicknesses ({widest})"
         if len(sheet.long) == 1:  # a bar
-            cure = "set [cage] order = 2 (quadratic tetrahedra)"
+            cure = "set cage.order = 2 (quadratic tetrahedra)"
+        elif not linear:
+            cure = f'set modal.elements = "sheet" with cage.order = 1, or use {fine}'
         else:
-            cure = 'set [modal] elements = "sheet" with [cage] divisions = [nx, ny, 1]'
-            cure += f", or [cage] order = 2 with {fine}" if linear else f", order = 1, or {fine}"
+            cure = (
+                'set modal.elements = "sheet" with cage.divisions = [nx, ny, 1], or cage.order = 2'
+            )
+            if sheet.width > TWISTS_WELL * sheet.thickness:
+                cure += f" with {fine}"
         too_stiff = [
             f"{what}s about {_format_factor(times)} times" for what, times in factors.items()
         ]
         too_high = " and ".join(_format_factor(math.sqrt(times)) for times in factors.values())
         self.warn(
-            f"the cage {' and '.join(too_stiff)} too stiffly: its "
-            f"{'linear' if linear else 'quadratic'} tetrahedra are "
-            f"{sheet.width / sheet.thickness:.2g} times as wide as the cage is thick; these modes "
-            f"are about {too_high} times too high in frequency; {cure}"
+            f"the cage of {'linear' if linear else 'quadratic'} tetrahedra "
+            f"{' and '.join(too_stiff)} too stiffly: frequencies are about {too_high} times too "
+            f"high; {cure}"
         )
 
     def _warn_of_volume(self, elasticity: Floats) -> None:
