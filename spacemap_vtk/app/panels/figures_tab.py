@@ -230,7 +230,7 @@ class FiguresTab(QWidget):
             self.sections.show_cuts(result.cuts, result.colors)
             cloth = [f._replace(text="…") if f.key == "least_clearance" else f for f in cloth]
         self._show_rows([*yarn_figures(result.figures), *((f,) for f in cloth)])
-        if not result.whole:
+        if not result.whole and self.isVisible():  # hidden, it would replace another tab's work
             self._engine.start_background(
                 partial(_compute_figures, key=result.key, figures=result.figures)
             )
