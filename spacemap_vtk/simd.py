@@ -22,7 +22,8 @@ from numba.extending import intrinsic
 #: Bytes of a cache line.
 LINE = 64
 
-_INT32, _INT64 = ir.IntType(32), ir.IntType(64)
+_INT32 = ir.IntType(32)
+_INT64 = ir.IntType(64)
 #: A multiply-add may be rounded once (fused), as `spacemap_vtk.parallel.compile_function` allows.
 _CONTRACT = ("contract",)
 

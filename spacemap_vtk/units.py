@@ -13,8 +13,10 @@ _INCH = 0.0254
 _DEGREES = 57.29577951308232
 #: Standard gravity [m/s²], the ratio of an object's weight to its mass.
 GRAVITY = 9.80665
-#: Weight of a gram and of a pound [N].
-_GF, _LBF = 1e-3 * GRAVITY, 0.45359237 * GRAVITY
+#: Weight of a gram [N].
+_GF = 1e-3 * GRAVITY
+#: Weight of a pound [N].
+_LBF = 0.45359237 * GRAVITY
 
 #: For each SI unit of a parameter: the units that a user may write, and their size in SI.
 UNITS: dict[str, dict[str, float]] = {

@@ -46,12 +46,16 @@ if TYPE_CHECKING:
 _PREFIX = "cloth_"
 #: Name of the array that holds `spacemap_vtk.textile.geometry.weave.Weave.places` of the patches.
 PLACES = "yarn_places"
-#: Point arrays of yarns that crimp interchange has moved. FOOT: the point of the cage [m] that the
-#: ring of a control point moves with. OFFSET: the control point relative to that moved point [m].
-FOOT, OFFSET = "foot", "interchange"
+#: Point array of yarns that crimp interchange has moved: the point of the cage [m] that the ring of
+#: a control point moves with.
+FOOT = "foot"
+#: Point array of the same yarns: the control point relative to that moved point [m].
+OFFSET = "interchange"
 
-_DRAWDOWN, _MEASURES = _PREFIX + "drawdown", _PREFIX + "measures"
-_LAYERS, _GAP = _PREFIX + "layers", _PREFIX + "layer_gap"
+_DRAWDOWN = _PREFIX + "drawdown"
+_MEASURES = _PREFIX + "measures"
+_LAYERS = _PREFIX + "layers"
+_GAP = _PREFIX + "layer_gap"
 
 
 def set_patches(grid: vtkUnstructuredGrid, made: Weave) -> None:

@@ -19,9 +19,10 @@ _NAME = "bounds_of_piece_and_whole"
 UP = "up"
 #: Name of the field array of a cage that holds the share of its volume filled by the object.
 FILLED = "filled"
-#: _FOOT: height of an object's foot and of its top, as a share of the object's height.
-#: _BROADER: the foot must be larger than the top by this share of the area of the bounding box.
-_FOOT, _MIN_EXCESS = 0.05, 0.03
+#: Height of an object's foot and of its top, as a share of the object's height.
+_FOOT = 0.05
+#: The foot must be larger than the top by this share of the area of the bounding box.
+_MIN_EXCESS = 0.03
 #: z counts as the longer axis if it is at least this many times as long as y.
 _LONGER_RATIO = 1.2
 

@@ -15,7 +15,9 @@ from spacemap_vtk.errors import GeometryError
 
 #: VTK types of cells with straight edges. VTK's function for this test was renamed in 9.6.
 _STRAIGHT = {*range(17), 41, 42}
-_POINTS, _CELLS = "vtkOriginalPointIds", "vtkOriginalCellIds"
+#: VTK's names of the arrays with the original numbers of points and cells.
+_POINTS = "vtkOriginalPointIds"
+_CELLS = "vtkOriginalCellIds"
 
 
 class SurfaceExtractor:

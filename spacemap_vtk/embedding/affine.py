@@ -26,10 +26,11 @@ from spacemap_vtk.memory import is_streamed
 from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.parallel import MANY_POINTS, blocks, load_loops
 
-# Number of points in one block, for NumPy and for compiled loops. With NumPy, a block's part of the
-# tables of maps must stay in the cache, while calls stay few. Compiled loops only need blocks to
-# share among threads.
-_BLOCK, _COMPILED_BLOCK = 2**13, 2**17
+# Number of points in one block for NumPy: a block's part of the tables of maps must stay in the
+# cache, while calls stay few.
+_BLOCK = 2**13
+# Number of points in one block for compiled loops, which only need blocks to share among threads.
+_COMPILED_BLOCK = 2**17
 
 
 class AffineInterpolation(EmbeddedPoints):

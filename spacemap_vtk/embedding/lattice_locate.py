@@ -23,9 +23,10 @@ _TOLERANCE = 1e-9
 _ROUNDINGS = 4.0
 # Largest distance of a vertex from its lattice position, in roundings of the coordinates.
 _VERTEX_ROUNDINGS = 8.0
-# Largest table of the hexahedra of the box: the first number times those of the mesh, or the second
-# number if that is larger.
-_SPARSEST, _SMALL = 64, 2**20
+# The table of the hexahedra of the box has at most this many times the hexahedra of the mesh.
+_SPARSEST = 64
+# A table up to this size is accepted in any case.
+_SMALL = 2**20
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import blocks
 
-#: Largest product of points and times that is decomposed; number of points per block of targets.
-_POINTS, _PART = 2**20, 2**15
+#: Largest product of points and times that is decomposed.
+_POINTS = 2**20
+#: Number of points per block of targets.
+_PART = 2**15
 
 
 class MorphTargets(NamedTuple):

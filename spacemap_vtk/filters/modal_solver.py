@@ -53,9 +53,11 @@ TWISTS_WELL = 4
 #: show volumetric locking.
 NEARLY_INCOMPRESSIBLE = 0.45
 
-#: Solutions that take fewer seconds than the first are stored on disk at most once in the second
-#: number of seconds: while a slider is dragged, writing would take as long as solving.
-_QUICK, _PAUSE = 0.05, 1.0
+#: Solutions that take less time than this, in s, are not always stored on disk: while a slider is
+#: dragged, writing would take as long as solving.
+_QUICK = 0.05
+#: Least time between two stored quick solutions, in s.
+_PAUSE = 1.0
 
 #: Rounding errors of eigenvalues above this share cause a warning.
 ROUNDING = 1e-4

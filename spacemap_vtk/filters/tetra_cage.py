@@ -52,9 +52,12 @@ _FURTHEST = 2.0
 _LARGER = 1.1
 #: Number of hexahedra along the longest side of an object's box.
 _ALONG = 8
-#: For a cage that is carved yarn by yarn: crossings of the yarns that are built together; one yarn
-#: in this many is built first; and the tolerance for rounding, as a share.
-_CROSSINGS, _APART, _SLACK = 1_500, 16, 1e-6
+#: Crossings of the yarns that are built together, for a cage that is carved yarn by yarn.
+_CROSSINGS = 1_500
+#: One yarn in this many is built first, for such a cage.
+_APART = 16
+#: Tolerance for rounding, as a share.
+_SLACK = 1e-6
 
 
 class TetraCage(Stage):

@@ -37,8 +37,10 @@ if TYPE_CHECKING:
 #: Prefix of entries on disk. Change it when the same parameters give other states.
 _ENTRY = "steps-gauss"
 
-#: States of an entry on disk, and the seconds between two writes of an entry that is not full.
-_CHUNK, _PAUSE = 512, 5.0
+#: Number of states in an entry on disk.
+_CHUNK = 512
+#: Time between two writes of an entry that is not full, in s.
+_PAUSE = 5.0
 
 
 class TransientResponse(LoadParameters, Stage):

@@ -34,8 +34,10 @@ COORDINATES = "texture coordinates"
 #: Rows and columns around a tile that repeat its edge; without them, colours of the neighbouring
 #: tile would show at the edge.
 _GUTTER = 4
-#: Most repetitions of a picture in each direction, and its most pixels along a side.
-_MOST_REPEATS, _LARGEST = 16, 8192
+#: Most repetitions of a picture in each direction.
+_MOST_REPEATS = 16
+#: Most pixels along a side of a picture.
+_LARGEST = 8192
 
 
 @dataclass

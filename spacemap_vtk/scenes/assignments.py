@@ -17,7 +17,8 @@ from spacemap_vtk.parameters import Parameter, Parameterised, Real, suggestion
 #: Values from one end to the other, inclusive: evenly spaced, or in a constant ratio.
 _SPACED = re.compile(r"\s*(linspace|geomspace)\((.*)\)\s*", re.DOTALL)
 _MAX_COUNT = 1000
-_OPENING, _CLOSING = "([{", ")]}"
+_OPENING = "([{"
+_CLOSING = ")]}"
 
 
 @dataclass(frozen=True)

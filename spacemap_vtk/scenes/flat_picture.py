@@ -13,9 +13,10 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: A cloth is drawn completely up to this many times its width; beyond that only as far as each yarn
-#: has at least this many pixels.
-_MAX_ASPECT, _MIN_PIXELS = 16.0, 1.0
+#: A cloth is drawn completely up to this many times its width.
+_MAX_ASPECT = 16.0
+#: A longer cloth is drawn only as far as each yarn has at least this many pixels.
+_MIN_PIXELS = 1.0
 
 
 def picture_size(scene: Scene) -> tuple[int, int]:

@@ -15,8 +15,10 @@ from spacemap_vtk.mechanics.modal.model import Model
 if TYPE_CHECKING:
     from spacemap_vtk.scenes.scene import Scene
 
-#: Time functions that end at a constant value, and a time [s] when all have reached it.
-_LASTING, _LATE = ("step", "ramp", "table"), 1e9
+#: Time functions that end at a constant value.
+_LASTING = ("step", "ramp", "table")
+#: Time when all of them have reached this value, in s.
+_LATE = 1e9
 #: Fields of `Fittings` that are not written, and the parameters that they come from.
 _NOT_WRITTEN = {"normals": "fixed", "bodies": "rigid", "springs": "springs", "masses": "masses"}
 

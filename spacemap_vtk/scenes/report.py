@@ -41,9 +41,14 @@ from spacemap_vtk.textile.weave.yarn import section_factor
 #: For cloth with more crossings these are not computed: the clearance of splines, the clearance of
 #: a deformed cloth, and its motion.
 MOST_CROSSINGS = 20_000
-#: Times of a motion that are examined: at most, and at least; cells times number of times, which
-#: take 0.2 s; and the most cells of a cage whose motion is reported.
-SAMPLES, FEWEST, LOOKED_AT, MANY_CELLS = 61, 13, 120_000, 20_000
+#: Largest number of times of a motion that are examined.
+SAMPLES = 61
+#: Least number of times of a motion that are examined.
+FEWEST = 13
+#: Cells times number of times that are examined; they take 0.2 s.
+LOOKED_AT = 120_000
+#: Most cells of a cage whose motion is reported.
+MANY_CELLS = 20_000
 #: Share by which a drape coefficient may change, in cells twice as wide, without a warning.
 DRAPE_TOLERANCE = 0.1
 #: Cosine of the largest slope of a cloth that is draped over a disc.

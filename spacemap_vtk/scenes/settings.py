@@ -15,14 +15,18 @@ from spacemap_vtk.scenes.styles import STYLES, Style
 
 #: Size of a picture if none is given.
 USUAL_SIZE = 1280, 960
-#: Longer side [pixels] of the picture of a flat cloth, if it has more ends and picks than this.
-WIDE_SIDE, MANY_THREADS = 2400, 400
+#: Number of ends and picks together from which the picture of a flat cloth is larger.
+MANY_THREADS = 400
+#: Longer side of that larger picture, in pixels.
+WIDE_SIDE = 2400
 #: Shortest side of a picture, in pixels.
 SMALLEST_SIDE = 16
 #: A longer film is a mistake in its times.
 MOST_FRAMES = 100_000
-#: Colours of the cage's edges on a light and on a dark background.
-LINES, LINES_ON_DARK = (57, 66, 78), (150, 164, 180)
+#: Colour of the cage's edges on a light background.
+LINES = (57, 66, 78)
+#: Colour of the cage's edges on a dark background.
+LINES_ON_DARK = (150, 164, 180)
 
 #: Backgrounds to choose from: the colours at the bottom and at the top. None is the colour of the
 #: style; in a dark window it is dark.

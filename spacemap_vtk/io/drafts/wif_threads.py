@@ -33,8 +33,10 @@ UNITS: dict[str, Decimal] = {
 OTHER_UNITS: dict[str, Decimal] = dict.fromkeys(
     ("millimeters", "millimeter", "millimetres", "millimetre", "mm"), Decimal("0.001")
 )
-# Lengths in m. One outside these bounds is a mistake (a spacing of 24 for 24 ends per inch).
-_THINNEST, _THICKEST = Decimal("1e-6"), Decimal(1)
+# Least length in m; a smaller one is a mistake.
+_THINNEST = Decimal("1e-6")
+# Largest length in m; a larger one is a mistake (a spacing of 24 for 24 ends per inch).
+_THICKEST = Decimal(1)
 
 
 def read_colors(text: WifText, ends: int, picks: int) -> tuple[Bytes | None, Bytes | None]:

@@ -37,10 +37,16 @@ from spacemap_vtk.io.registry import truncated_error
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.loom import Loom, Rows
 
-#: First byte of a file, and the values of byte 2.
-_ID, _LIFTPLAN, _SINGLE, _SEVERAL = 123, 100, 101, 102
-#: Bytes of the head, and the newest version that is known.
-_HEAD, _NEWEST = 24, 7
+#: First byte of a file.
+_ID = 123
+#: Values of byte 2.
+_LIFTPLAN = 100
+_SINGLE = 101
+_SEVERAL = 102
+#: Bytes of the head.
+_HEAD = 24
+#: Newest version that is known.
+_NEWEST = 7
 _CURE = "Export the draft as WIF from WeavePoint."
 
 

@@ -29,7 +29,8 @@ _ROUGHNESS = 0.75
 _Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]
 #: Codes of glTF: for types of components, and for the use of a part of the buffer.
 _COMPONENTS = {"<f4": 5126, "<u4": 5125, "<u2": 5123, "<i2": 5122, "|i1": 5120}
-_VERTICES, _INDICES = 34962, 34963
+_VERTICES = 34962
+_INDICES = 34963
 
 
 @writes(".glb", label="glTF", holds=("moving", "modes"))

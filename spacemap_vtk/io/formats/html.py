@@ -29,14 +29,22 @@ if TYPE_CHECKING:
 
 _PAGE = Path(__file__).parent.parent / "page"
 _SCRIPTS = ("data.js", "drawing.js", "viewer.js")
-#: Share of the tolerance for rounding: the usual one, and the least one if the shapes leave less.
-_ROUNDING, _LEAST_ROUNDING = 0.2, 0.02
-#: Number of steps in the length of a normal, and in the range of a scale.
-_NORMAL_STEPS, _SCALE_STEPS = 1024, 1024
-#: Bytes of a page's arrays per point, and per point of each target.
-_POINT, _TARGET_POINT = 150, 18
-#: Bytes of compressed data in one element of the page, and number of values rounded at once.
-_ELEMENT_BYTES, _BLOCK_VALUES = 3 * 2**21, 2**18
+#: Usual share of the tolerance for rounding.
+_ROUNDING = 0.2
+#: Least share of the tolerance for rounding, if the shapes leave less.
+_LEAST_ROUNDING = 0.02
+#: Number of steps in the length of a normal.
+_NORMAL_STEPS = 1024
+#: Number of steps in the range of a scale.
+_SCALE_STEPS = 1024
+#: Bytes of a page's arrays per point.
+_POINT = 150
+#: Bytes of a page's arrays per point of each target.
+_TARGET_POINT = 18
+#: Bytes of compressed data in one element of the page.
+_ELEMENT_BYTES = 3 * 2**21
+#: Number of values that are rounded together.
+_BLOCK_VALUES = 2**18
 
 
 # The limit counts single precision, which takes twice the bytes of the page. Browsers limit the

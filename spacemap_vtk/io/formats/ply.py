@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 
     from spacemap_vtk.datasets.moving_surface import MovingSurface
 
-#: Bytes that are needed, besides the surface, to make the file. Per point: six numbers. Per corner
-#: of a polygon: its number in the file, and in the copy with all polygons oriented alike.
-_POINT, _CORNER = 24, 14
+#: Bytes per point that are needed, besides the surface, to make the file: six numbers.
+_POINT = 24
+#: The same per corner of a polygon: its number in the file, and in the copy with all polygons
+#: oriented alike.
+_CORNER = 14
 _SIZES = {"u1": "uchar", "<i4": "int"}
 _TYPES = {
     **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1"},

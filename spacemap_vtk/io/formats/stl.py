@@ -16,9 +16,11 @@ if TYPE_CHECKING:
 
 #: Triangles that are processed together; more would need more memory, and no less time.
 _BLOCK_TRIANGLES = 2**16
-#: Bytes per point and per triangle that making the file needs besides the surface. VTK needs
-#: more to orient the triangles alike than their records take, which have 50 bytes each.
-_POINT, _TRIANGLE = 20, 117
+#: Bytes per point that making the file needs besides the surface.
+_POINT = 20
+#: Bytes per triangle. VTK needs more to orient the triangles alike than their records take, which
+#: have 50 bytes each.
+_TRIANGLE = 117
 
 
 def _check(path: Path) -> None:

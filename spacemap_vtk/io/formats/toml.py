@@ -11,8 +11,10 @@ from typing import Any
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import reader_endings, reads
 
-#: Most bytes of a scene, and most names in one dotted key; parsing longer ones takes hours.
-_LONGEST, _NAMES = 2**24, 16
+#: Most bytes of a scene; parsing longer ones takes hours.
+_LONGEST = 2**24
+#: Most names in one dotted key, for the same reason.
+_NAMES = 16
 
 
 def parse_toml(text: str) -> dict[str, Any]:

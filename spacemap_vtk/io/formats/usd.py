@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 
 #: Roughness of yarn, as in glTF.
 _ROUGHNESS = 0.75
-#: Bytes of a layer per point, and per point of each target (place and normal).
-_POINT, _TARGET_POINT = 110, 24
+#: Bytes of a layer per point.
+_POINT = 110
+#: Bytes of a layer per point of each target (place and normal).
+_TARGET_POINT = 24
 _require = require_package(
     "usd-core", "pxr", "Run: pip install 'spacemap_vtk[usd]', or write a .glb."
 )

@@ -22,9 +22,10 @@ from spacemap_vtk.io.registry import lazy_function, reads, writes
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkDataSet, vtkPolyData
 
-#: Bytes that VTK compresses together, and how many of these blocks of an array are sampled to
-#: estimate its compressed length.
-_BLOCK, _SAMPLES = 2**15, 5
+#: Bytes that VTK compresses together.
+_BLOCK = 2**15
+#: Number of these blocks of an array that are sampled to estimate its compressed length.
+_SAMPLES = 5
 _READERS = {
     ".vtu": "vtkXMLUnstructuredGridReader",
     ".vtp": "vtkXMLPolyDataReader",

@@ -26,8 +26,10 @@ from spacemap_vtk.mechanics.elements.shell import find_hexahedra
 from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, ELEMENTS, volumes
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Units of springs and of masses; the second unit of a spring is per area.
-SPRING_UNITS, MASS_UNITS = ("N/m", "N/m3"), ("kg",)
+#: Units of springs: of a whole place, and per area.
+SPRING_UNITS = ("N/m", "N/m3")
+#: Units of point masses.
+MASS_UNITS = ("kg",)
 
 
 class Fittings(NamedTuple):

@@ -43,8 +43,10 @@ ASSUMPTIONS = (
 )
 
 
-#: Smallest and largest thickness over which a fabric's constants can be spread [m].
-THINNEST, THICKEST = 1e-9, 1e9
+#: Smallest thickness over which a fabric's constants can be spread [m].
+THINNEST = 1e-9
+#: Largest thickness over which a fabric's constants can be spread [m].
+THICKEST = 1e9
 
 
 class SolidConstants(NamedTuple):

@@ -18,9 +18,10 @@ from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Share of its diagonal that is added to a stiffness matrix, so that it is regular even if some
-#: motions need no energy; and the largest share that is tried if rounding makes a definite matrix
-#: indefinite.
-SHIFT, MOST_SHIFT = 1e-13, 1e-8
+#: motions need no energy.
+SHIFT = 1e-13
+#: Largest such share that is tried if rounding makes a definite matrix indefinite.
+MOST_SHIFT = 1e-8
 
 #: Matrices of at most this size are solved densely for their lowest eigenvalue.
 _DENSE = 60

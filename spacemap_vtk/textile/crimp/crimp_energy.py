@@ -28,9 +28,10 @@ from spacemap_vtk.textile.weave.peirce import jam_height, solve_gaps
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
-#: Shares of D: remaining distance at which Newton's method stops, and the movement that is assumed
-#: to precede its first step.
-_TOLERANCE, _FIRST_MOVE = 1e-10, 1e-3
+#: Remaining distance at which Newton's method stops, as a share of D.
+_TOLERANCE = 1e-10
+#: Movement that is assumed to precede its first step, as a share of D.
+_FIRST_MOVE = 1e-3
 #: The last step turns angles by less than this, in rad: near a jam heights hardly change.
 _ANGLE_TOLERANCE = 1e-6
 #: Largest turn of an angle in one step, in rad.
@@ -40,9 +41,11 @@ _MOST_TURN = 0.5
 _JAM_MARGIN = 0.01
 #: Angle, in rad, below which a yarn that is pressed towards its other side counts as straight.
 _STRAIGHT = 1e-4
-#: Straight parts, as shares of D: one that is too short to divide by, and one of a yarn that counts
-#: as jammed because Newton's method stops just before the jam.
-_SLIVER, _JAMMED = 1e-7, 1e-5
+#: A straight part shorter than this share of D is too short to divide by.
+_SLIVER = 1e-7
+#: A yarn with a straight part shorter than this share of D counts as jammed, because Newton's
+#: method stops just before the jam.
+_JAMMED = 1e-5
 #: Share of D within which D is at its bound.
 _EQUAL = 1e-12
 #: Added to a divisor, or used as its least value, so that it is not 0.

@@ -23,8 +23,10 @@ from spacemap_vtk.textile.weave.peirce import Gap, solve_gaps
 _SLACK_LIMIT = 1e-3
 #: Largest relative change of heights in one step.
 _MOST_CHANGE = 0.05
-#: Relative tolerance of a yarn's length, and largest number of steps to reach it.
-_TOLERANCE, _STEPS = 1e-11, 12
+#: Relative tolerance of a yarn's length.
+_TOLERANCE = 1e-11
+#: Largest number of steps to reach it.
+_STEPS = 12
 
 
 class CrossingResults(NamedTuple):

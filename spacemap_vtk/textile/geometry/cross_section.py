@@ -24,8 +24,10 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Number of points on each part of an axis, and on each cubic of a section.
 _SAMPLES = 48
-#: Least and largest number of crossings in view by default.
-_FEWEST, _MOST = 5, 9
+#: Least number of crossings in view by default.
+_FEWEST = 5
+#: Largest number of crossings in view by default.
+_MOST = 9
 
 
 class Bend(NamedTuple):

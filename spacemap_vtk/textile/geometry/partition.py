@@ -25,9 +25,10 @@ _LOCAL = 3
 #: Largest number of codes of local weaves for which a table numbers them.
 _MOST_CODES = 2**22
 #: Crossings along both sides of a crop: this multiple of the square root of the number of weaves
-#: that are still missing, so that a crop of a cloth without order contains nearly all of them; and
-#: the least number.
-_PER_WEAVE, _LEAST = 3.0, 12
+#: that are still missing, so that a crop of a cloth without order contains nearly all of them.
+_PER_WEAVE = 3.0
+#: Least number of crossings along both sides of a crop.
+_LEAST = 12
 
 
 def select_piece(cloth: Cloth, piece: int, pieces: int) -> YarnSelection:

@@ -32,10 +32,16 @@ PointFilter = Callable[[AnyFloats], Bools]
 FIBRE = 1.7e-7
 #: Largest default number of fibres of a yarn.
 _MOST = 400
-#: Samples of a turn; least and largest number of samples of a part of an axis.
-_BY_TURN, _LEAST_OF_PART, _MOST_OF_PART = 12, 5, 2000
-#: Amplitude by which fibres leave their layer, as a share of the radius; wavelength in diameters.
-_WANDER, _WAVE = 0.06, 5.3
+#: Number of samples of a turn.
+_BY_TURN = 12
+#: Least number of samples of a part of an axis.
+_LEAST_OF_PART = 5
+#: Largest number of samples of a part of an axis.
+_MOST_OF_PART = 2000
+#: Amplitude by which fibres leave their layer, as a share of the radius.
+_WANDER = 0.06
+#: Wavelength of this, in diameters.
+_WAVE = 5.3
 #: Share of a section that fibres fill; with few fibres one could see through the yarn.
 _DENSE = 0.75
 #: Angle from a fibre of a section to the next, as between seeds of a sunflower: no two are in line.

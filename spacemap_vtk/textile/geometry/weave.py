@@ -34,9 +34,12 @@ from spacemap_vtk.textile.geometry.sweep import CentreLines, Tubes, sweep
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import Crimp
 
-#: Working memory of `build_weave` in bytes, per part (by arcs, by splines) and per gap of all
-#: yarns: measured and rounded up.
-_PART_BYTES, _SPLINE_PART_BYTES, _GAP_BYTES = 150, 300, 250
+#: Working memory of `build_weave` per part by arcs, in bytes, measured and rounded up.
+_PART_BYTES = 150
+#: The same per part by splines.
+_SPLINE_PART_BYTES = 300
+#: The same per gap of all yarns.
+_GAP_BYTES = 250
 
 
 @dataclass(frozen=True, eq=False)

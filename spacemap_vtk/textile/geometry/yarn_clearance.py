@@ -40,10 +40,12 @@ _MOST = 20_000
 _BLOCK = 2**17
 #: Number of reductions of the step between samples: the square of the last step is below rounding.
 _REFINEMENTS = 26
-#: Share of the places that is refined further after each reduction, and the number below which all
-#: are. A reduction leaves about a third of what a clearance can still lose, so the order of the
-#: places settles before many of them are left out.
-_KEPT_SHARE, _FEW = 0.75, 200
+#: Share of the places that is refined further after each reduction. A reduction leaves about a
+#: third of what a clearance can still lose, so the order of the places settles before many of them
+#: are left out.
+_KEPT_SHARE = 0.75
+#: Up to this number of places, all are refined.
+_FEW = 200
 #: Steps of the first search for the direction between deformed sections.
 _TURNS = 16
 _MOVES = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)

@@ -29,8 +29,10 @@ LAYERED_FILLING = 0.45
 _DOUBLE_WEAVE = "a double weave is drawn as two cloths, one above the other"
 #: Default width over height of yarns that are not round.
 ASPECT = 1.5
-#: Default colours of warp and weft.
-WARP_COLOR, WEFT_COLOR = (0x2D, 0x6A, 0x8E), (0xE8, 0xC7, 0x8F)
+#: Default colour of the warp.
+WARP_COLOR = (0x2D, 0x6A, 0x8E)
+#: Default colour of the weft.
+WEFT_COLOR = (0xE8, 0xC7, 0x8F)
 
 #: One value for a family, or several that are repeated over its yarns.
 Wanted = float | tuple[float, ...]
