@@ -123,10 +123,10 @@ class Page:
     def press(self, key: str) -> None:
         """Press and release a key."""
         code, number = _KEYS.get(key, (f"Key{key.upper()}", ord(key.upper()[0])))
-        told = {"key": key, "code": code or key, "windowsVirtualKeyCode": number}
+        key_event = {"key": key, "code": code or key, "windowsVirtualKeyCode": number}
         text = {"text": key} if len(key) == 1 else {}
-        self.send("Input.dispatchKeyEvent", type="keyDown", **told, **text)
-        self.send("Input.dispatchKeyEvent", type="keyUp", **told)
+        self.send("Input.dispatchKeyEvent", type="keyDown", **key_event, **text)
+        self.send("Input.dispatchKeyEvent", type="keyUp", **key_event)
 
     def show_as(self, width: int, height: int, dark: bool = False, scale: float = 1.0) -> None:
         """Set the size of the page, the pixels per unit and the theme."""
@@ -154,15 +154,15 @@ class Page:
             self._heard += part
         text, self._heard = self._heard.split(b"\0", 1)
         message: dict[str, Any] = json.loads(text)
-        told, method = message.get("params", {}), message.get("method")
+        params, method = message.get("params", {}), message.get("method")
         if method == "Runtime.exceptionThrown":
-            self.complaints.append(json.dumps(told["exceptionDetails"]))
-        elif method == "Runtime.consoleAPICalled" and told["type"] in ("error", "warning"):
-            self.complaints.append(f"{told['type']}: {json.dumps(told['args'])}")
-        elif method == "Log.entryAdded" and told["entry"]["level"] in ("error", "warning"):
-            self.complaints.append(json.dumps(told["entry"]))
+            self.complaints.append(json.dumps(params["exceptionDetails"]))
+        elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning"):
+            self.complaints.append(f"{params['type']}: {json.dumps(params['args'])}")
+        elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
+            self.complaints.append(json.dumps(params["entry"]))
         elif method == "Network.requestWillBeSent":
-            self.addresses.append(told["request"]["url"])
+            self.addresses.append(params["request"]["url"])
         return message
 
 

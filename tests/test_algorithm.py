@@ -223,21 +223,24 @@ def test_run_can_be_aborted() -> None:
 
 def test_warnings_point_to_the_line_of_the_script_once() -> None:
     chain = Chain()
-    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
+    with pytest.warns(SpacemapWarning, match="too stiffly") as reported:
         chain.surface.update(time=0.0)
-    assert {Path(each.filename) for each in told} == {Path(__file__)}
-    text = Path(__file__).read_text("utf-8").splitlines()[told[0].lineno - 1]
+    assert {Path(each.filename) for each in reported} == {Path(__file__)}
+    text = Path(__file__).read_text("utf-8").splitlines()[reported[0].lineno - 1]
     assert "chain.surface.update(time=0.0)" in text  # the last line that is not the package's
-    assert [str(each.message) for each in told] == [*chain.modal.warnings, *chain.response.warnings]
+    assert [str(each.message) for each in reported] == [
+        *chain.modal.warnings,
+        *chain.response.warnings,
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("error", SpacemapWarning)
         chain.update(time=0.01)
         chain.modal.density = 400.0  # it runs again, and says the same
         chain.update()
     chain.modal.poissons_ratio = 0.49
-    with pytest.warns(SpacemapWarning, match="volumetric locking") as told:
+    with pytest.warns(SpacemapWarning, match="volumetric locking") as reported:
         chain.update()
-    assert len(told) == 2  # one has another number in it
+    assert len(reported) == 2  # one has another number in it
 
 
 def test_warning_filter_error_raises_from_update() -> None:
@@ -253,23 +256,23 @@ def test_warning_filter_error_raises_from_update() -> None:
 
 def test_ignored_warning_is_silent() -> None:
     chain = Chain()
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         warnings.simplefilter("ignore", SpacemapWarning)
         chain.update(time=0.0)
-    assert told == []
+    assert reported == []
     assert "too stiffly" in chain.modal.warnings[0]
 
 
 def test_warning_is_issued_once_with_any_filter() -> None:
     chain = Chain()
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         for frame in range(3):
             chain.update(time=0.01 * frame)
             chain.modal.Modified()
-    assert [each.category for each in told] == [SpacemapWarning] * len(told)
-    assert len({str(each.message) for each in told}) == len(told)
+    assert [each.category for each in reported] == [SpacemapWarning] * len(reported)
+    assert len({str(each.message) for each in reported}) == len(reported)
 
 
 @pytest.mark.parametrize("how", ["Update", "consumer"])
@@ -277,9 +280,9 @@ def test_warnings_are_issued_through_vtk_updates(how: str) -> None:
     chain = Chain()
     normals = vtkPolyDataNormals()
     normals.SetInputConnection(chain.surface.GetOutputPort())
-    with pytest.warns(SpacemapWarning, match="too stiffly") as told:
+    with pytest.warns(SpacemapWarning, match="too stiffly") as reported:
         (chain.surface if how == "Update" else normals).Update()
-    assert Path(told[0].filename) == Path(__file__)
+    assert Path(reported[0].filename) == Path(__file__)
 
 
 def test_common_mistakes_work_or_give_a_cure() -> None:

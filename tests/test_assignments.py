@@ -17,7 +17,7 @@ SCENE = "plain_weave"
 
 
 @pytest.mark.parametrize(
-    ("said", "values"),
+    ("stated", "values"),
     [
         ("weave.ends=5,7", [5, 7]),
         ("weave.ends=[5,7]", [5, 7]),
@@ -36,12 +36,12 @@ SCENE = "plain_weave"
         ("modal.youngs_modulus=geomspace(1 kPa, 1 MPa, 4)", [1e3, 1e4, 1e5, 1e6]),
     ],
 )
-def test_commas_separate_values(said: str, values: list[Any]) -> None:
-    assert list(parse_value_list(said, PARTS).values) == values
+def test_commas_separate_values(stated: str, values: list[Any]) -> None:
+    assert list(parse_value_list(stated, PARTS).values) == values
 
 
 @pytest.mark.parametrize(
-    ("said", "told"),
+    ("stated", "reported"),
     [
         ("weave.ends=5,-3", "weave.ends = -3: out of range"),
         ("weave.ends=[5,-3]", "weave.ends = -3: out of range"),
@@ -59,26 +59,27 @@ def test_commas_separate_values(said: str, values: list[Any]) -> None:
         ("weave.pattern=linspace(1,2,3)", "must be a valid"),
     ],
 )
-def test_every_value_is_checked(said: str, told: str) -> None:
-    with pytest.raises(InputError, match=told.replace("(", r"\(")):
-        parse_value_list(said, PARTS)
+def test_every_value_is_checked(stated: str, reported: str) -> None:
+    with pytest.raises(InputError, match=reported.replace("(", r"\(")):
+        parse_value_list(stated, PARTS)
 
 
 def test_lists_are_combined_or_paired() -> None:
-    said = ["weave.ends=2,3", "weave.picks=4,5", "weave.pattern=plain"]
+    stated = ["weave.ends=2,3", "weave.picks=4,5", "weave.pattern=plain"]
     every = [
-        (run.scene().source.ends, run.scene().source.picks) for run in read_sweep(SCENE, said).runs
+        (run.scene().source.ends, run.scene().source.picks)
+        for run in read_sweep(SCENE, stated).runs
     ]
     assert every == [(2, 4), (2, 5), (3, 4), (3, 5)]
-    paired = read_sweep(SCENE, said, paired=True).runs
+    paired = read_sweep(SCENE, stated, paired=True).runs
     assert [run.chosen for run in paired] == [(2, 4), (3, 5)]
     assert [run.name for run in paired] == ["ends=2_picks=4", "ends=3_picks=5"]
-    for wrong, told in (
+    for wrong, reported in (
         (["weave.ends=2,3", "weave.picks=4,5,6"], "weave.ends has 2, weave.picks has 3"),
         (["weave.ends=2", "weave.ends=3"], "is set twice"),
         (["weave.ends=2,2"], "the same run twice"),
     ):
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=reported):
             read_sweep(SCENE, wrong, paired=True)
     with pytest.raises(InputError, match="too many runs: 20000"):
         read_sweep(SCENE, ["weave.ends=linspace(1,200,200)", "weave.picks=linspace(1,100,100)"])
@@ -100,8 +101,8 @@ def test_digest_of_a_run_covers_everything_it_depends_on(tmp_path: Path) -> None
     draft.write_text("10\n01\n")
     scene.write_text('[weave]\ndraft = "a.txt"\n')
 
-    def digest(*said: str, **more: Any) -> str:
-        (run,) = read_sweep(scene, said, **more).runs
+    def digest(*stated: str, **more: Any) -> str:
+        (run,) = read_sweep(scene, stated, **more).runs
         return run.digest
 
     known = digest()

@@ -172,7 +172,7 @@ def test_a_sheet_shows_the_values_of_each_crossing(monkeypatch: pytest.MonkeyPat
         # The scale is that of all crossings, whose colours are seen.
         assert picture._span == whole._span
         assert np.abs(seen - wanted).max() < 8
-    assert np.abs(fine[0][0] - fine[1][0]).max() > 12  # the faces are told apart
+    assert np.abs(fine[0][0] - fine[1][0]).max() > 12  # the faces differ
 
 
 def test_a_sheet_moves_with_a_carved_cage(monkeypatch: pytest.MonkeyPatch) -> None:

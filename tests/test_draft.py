@@ -107,7 +107,7 @@ def test_rows_and_from_matrix_are_inverse(matrix: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("matrix", "said"),
+    ("matrix", "stated"),
     [
         (["010", "01"], "row 2 has 2 ends, but row 1 has 3"),
         (["01", "0x"], "row 2 has 'x' at end 2"),
@@ -121,8 +121,8 @@ def test_rows_and_from_matrix_are_inverse(matrix: np.ndarray) -> None:
         (7, "at least one row"),
     ],
 )
-def test_from_matrix_names_the_row(matrix: object, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_from_matrix_names_the_row(matrix: object, stated: str) -> None:
+    with pytest.raises(InputError, match=stated):
         drawdown.from_matrix(matrix)  # type: ignore[arg-type]
 
 

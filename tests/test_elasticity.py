@@ -163,7 +163,7 @@ def test_flat_tetrahedra_are_counted_and_named(mesh):
     for scale in (1.0, 1e-6):
         with pytest.raises(GeometryError, match=r"2 of 180 tetrahedra are flat.*index 7"):
             volumes(points * scale, flat)
-    # Thin, but told apart from flat: one part in a million.
+    # Thin, but distinguished from flat: one part in a million.
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1e-6]])
     assert volumes(corners, np.arange(4)[None]) == pytest.approx(1e-6 / 6)
 

@@ -388,14 +388,14 @@ def test_interpolation_is_the_weighted_sum():
         assert result.dtype == np.float64
         assert result.shape == (150_000, *shape)
         expected = np.einsum("ni,ni...->n...", where.weights, values[tetrahedra[where.tetrahedron]])
-        told = f"{threads} threads, {shape}"
-        np.testing.assert_allclose(result, expected, atol=1e-12, err_msg=told)
+        reported = f"{threads} threads, {shape}"
+        np.testing.assert_allclose(result, expected, atol=1e-12, err_msg=reported)
         kept = result.copy()
         for step in range(1, 4):
             ride.apply(step * values)
-        np.testing.assert_array_equal(result, kept, err_msg=told)
+        np.testing.assert_array_equal(result, kept, err_msg=reported)
         single = ride.apply(values.astype(np.float32))
-        np.testing.assert_allclose(single, expected, atol=1e-4, err_msg=told)
+        np.testing.assert_allclose(single, expected, atol=1e-4, err_msg=reported)
 
 
 # --- lattices, found by arithmetic -------------------------------------------------------------

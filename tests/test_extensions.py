@@ -175,9 +175,9 @@ def test_core_runs_without_its_optional_parts(tmp_path: Path) -> None:
     assert spacemap("render", "plain_weave", "-q", "-o", "a.png") == (0, "")
     assert spacemap(*export, "a.vtu") == (0, "")
     for name in ("a.inp", "a.usdc", "a.dtx"):
-        status, said = spacemap(*export, name)
+        status, stated = spacemap(*export, name)
         assert status == 2
-        assert "unsupported format" in said
-    status, said = spacemap(*export, "a.vtp", "--set", "warp.smooth=true")
+        assert "unsupported format" in stated
+    status, stated = spacemap(*export, "a.vtp", "--set", "warp.smooth=true")
     assert status == 1
-    assert 'no installed package provides "smooth" in its maps' in said
+    assert 'no installed package provides "smooth" in its maps' in stated

@@ -27,7 +27,9 @@ areal_mass = "4 oz/yd2"
 """
 
 
-def told(command: str, scene: Path | str, capsys: pytest.CaptureFixture[str], *more: str) -> str:
+def reported(
+    command: str, scene: Path | str, capsys: pytest.CaptureFixture[str], *more: str
+) -> str:
     with pytest.raises(SystemExit) as end:
         main([command, str(scene), *more])
     assert end.value.code == 0
@@ -40,7 +42,7 @@ def test_sheet_figures_have_si_and_textile_units(
 ) -> None:
     scene = tmp_path / "sheet.toml"
     scene.write_text(SHEET)
-    figures: dict[str, Any] = json.loads(told(command, scene, capsys, "--json"))
+    figures: dict[str, Any] = json.loads(reported(command, scene, capsys, "--json"))
     assert figures["elements"] == "sheet"
     sheet = figures["sheet"]
     # A gf weighs 9.80665 mN; an ounce is 28.35 g, a yard 0.9144 m.
@@ -52,7 +54,7 @@ def test_sheet_figures_have_si_and_textile_units(
     assert sheet["bending_length"] == pytest.approx(
         [(b / 13.5623e-3) ** (1 / 3) / 100 for b in (0.2, 0.1)], rel=1e-5
     )
-    text = " ".join(told(command, scene, capsys).split())
+    text = " ".join(reported(command, scene, capsys).split())
     for line in (
         "cage elements sheet tensile rigidity 9.807 N/m (10 gf/cm) shear",
         "(0.5 gf/cm.deg)",
@@ -69,19 +71,19 @@ def test_poissons_ratio_is_given_for_both_directions(
     scene = tmp_path / "sheet.toml"
     scene.write_text(SHEET.replace('"10 gf/cm"', '["20 N/m", "10 N/m"]'))
     more = "--set", "modal.poissons_ratio_in_plane=0.4"
-    text = " ".join(told("info", scene, capsys, *more).split())
+    text = " ".join(reported("info", scene, capsys, *more).split())
     assert "Poisson's ratio in plane, warp 0.4 Poisson's ratio in plane, weft 0.2" in text
 
 
 @pytest.mark.parametrize("command", ["modes", "info"])
 def test_tetrahedra_have_no_sheet_figures(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    figures = json.loads(told(command, "plain_weave", capsys, "--json"))
+    figures = json.loads(reported(command, "plain_weave", capsys, "--json"))
     assert (figures["elements"], figures["sheet"]) == ("tetrahedra", None)
-    assert "cage elements tetrahedra" in " ".join(told(command, "plain_weave", capsys).split())
+    assert "cage elements tetrahedra" in " ".join(reported(command, "plain_weave", capsys).split())
 
 
 def test_still_fabric_has_no_cage_figures(capsys: pytest.CaptureFixture[str]) -> None:
-    figures = json.loads(told("info", "twill_2_2", capsys, "--json"))
+    figures = json.loads(reported("info", "twill_2_2", capsys, "--json"))
     assert "elements" not in figures
 
 
@@ -92,13 +94,13 @@ def test_modes_report_the_hanging_sheet(tmp_path: Path, capsys: pytest.CaptureFi
         SHEET.replace('["0.2 gf.cm2/cm", "0.1 gf.cm2/cm"]', '"0.1 N.m"')
         + 'gravity = [0.0, 0.0, "-1 g"]\nfixed = "sphere(0, 0, 0, 2 mm)"\n'
     )
-    text = told("modes", scene, capsys)
+    text = reported("modes", scene, capsys)
     assert re.search(r"^drape coefficient +100\.0% ± 0\.0% \(Cusick\)", text, re.M)
-    hung = json.loads(told("modes", scene, capsys, "--json"))["hung"]
+    hung = json.loads(reported("modes", scene, capsys, "--json"))["hung"]
     assert hung["cloth_area"] == pytest.approx(25e-6)
     assert hung["shadow_area"] == pytest.approx(25e-6, rel=1e-4)
     assert 0.0 < hung["sag"] < 1e-6
     # On two places it is not Cusick's test; without gravity nothing hangs.
-    assert "Cusick" not in told("modes", scene, capsys, "--set", "modal.fixed=-x +x")
-    flat = told("modes", scene, capsys, "--json", "--set", "modal.gravity=[0,0,0]")
+    assert "Cusick" not in reported("modes", scene, capsys, "--set", "modal.fixed=-x +x")
+    flat = reported("modes", scene, capsys, "--json", "--set", "modal.gravity=[0,0,0]")
     assert json.loads(flat)["hung"] is None

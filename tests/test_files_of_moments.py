@@ -44,8 +44,8 @@ def test_obj_and_ply_have_normals_groups_and_colours(tmp_path: Path, color: str)
         areas(found, found["GroupIds"].astype(int)), areas(surface, surface["family"]), rtol=1e-5
     )
     np.testing.assert_allclose(found.bounds, surface.bounds, atol=1e-9)
-    told = (tmp_path / "cloth.mtl").read_text().split()
-    assert [told[i + 1].split("_")[0] for i, w in enumerate(told) if w == "newmtl"] == [
+    reported = (tmp_path / "cloth.mtl").read_text().split()
+    assert [reported[i + 1].split("_")[0] for i, w in enumerate(reported) if w == "newmtl"] == [
         "warp",
         "weft",
     ]
@@ -61,8 +61,8 @@ def test_obj_and_ply_have_normals_groups_and_colours(tmp_path: Path, color: str)
         given = np.asarray(mesh.GetPointData().GetNormals())[corners].sum(axis=1)
         assert (np.einsum("nk,nk->n", across, given) > 0).mean() > 0.999
     kinds, number = np.unique(np.asarray(painted["RGB"]), axis=0, return_inverse=True)
-    places = [i for i, word in enumerate(told) if word == "Kd"]
-    written = np.array([[float(w) for w in told[i + 1 : i + 4]] for i in places])
+    places = [i for i, word in enumerate(reported) if word == "Kd"]
+    written = np.array([[float(w) for w in reported[i + 1 : i + 4]] for i in places])
     np.testing.assert_array_equal(kinds, np.unique(np.round(255 * written), axis=0))
     if color == "family":
         assert kinds.tolist() == [[0x2F, 0x7F, 0xB0], [0xE2, 0xA0, 0x3F]]

@@ -64,10 +64,10 @@ def test_given_value_without_effect_is_reported() -> None:
 
 def test_pattern_replaced_by_a_draft_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("1100\n0110\n")
-    for pattern, said in (({"pattern": "plain"}, True), ({}, False)):
+    for pattern, stated in (({"pattern": "plain"}, True), ({}, False)):
         scene = Scene({"weave": {"draft": str(tmp_path / "a.txt"), **pattern}})
         scene.update()
-        assert any("weave.pattern has no effect" in text for text in scene.warnings) == said
+        assert any("weave.pattern has no effect" in text for text in scene.warnings) == stated
 
 
 def test_given_gravity_is_kept_in_records_and_copies() -> None:

@@ -26,7 +26,7 @@ FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
 
 
 @pytest.mark.parametrize(
-    ("cloth", "said", "form"),
+    ("cloth", "stated", "form"),
     [
         (FEW, {}, DrawingMethod.WHOLE),
         (FEW, {"fit": False}, DrawingMethod.SHEET),
@@ -52,9 +52,9 @@ FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
     ],
 )
 def test_drawing_method_follows_from_counts(
-    cloth: DrawnCloth, said: dict[str, bool], form: DrawingMethod
+    cloth: DrawnCloth, stated: dict[str, bool], form: DrawingMethod
 ) -> None:
-    assert choose_method(cloth, **said) is form
+    assert choose_method(cloth, **stated) is form
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Changing a loom by hand: what it weaves afterwards is said by the drawdown itself."""
+"""Changing a loom by hand, compared with changes of the drawdown itself."""
 
 from __future__ import annotations
 

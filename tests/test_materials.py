@@ -250,7 +250,7 @@ def test_fabric_constants_have_no_effect_on_other_materials():
 
 
 def test_cage_that_bends_unlike_the_fabric_causes_a_warning():
-    """The cure: moduli raised as often as said let a strip bend as the measured plate does."""
+    """The cure: with the moduli raised by the stated factor a strip bends as the measured plate."""
     weave, cage = WeaveSource(ends=5, picks=31), TetraCage(divisions=(3, 20, 1), order=2)
     cage.SetInputConnection(weave.GetOutputPort())
     made = ModalSolver(material="denim", modes=1)

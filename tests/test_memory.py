@@ -90,7 +90,7 @@ def test_cure_can_depend_on_the_free_memory() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         ((), ""),
         (("Unable to\nallocate 7 GiB",), ": Unable to allocate 7 GiB"),
@@ -98,7 +98,7 @@ def test_cure_can_depend_on_the_free_memory() -> None:
 )
 def test_memory_error_is_reported_in_one_line(
     words: tuple[str, ...],
-    said: str,
+    stated: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -109,7 +109,7 @@ def test_memory_error_is_reported_in_one_line(
     with pytest.raises(SystemExit) as done:
         main(["validate", "plain_weave"])
     assert done.value.code == 1
-    assert capsys.readouterr().err == f"spacemap: out of memory{said}\n"
+    assert capsys.readouterr().err == f"spacemap: out of memory{stated}\n"
 
 
 @pytest.fixture
@@ -171,7 +171,7 @@ def status(name):
     return next(1024 * int(row.split()[1]) for row in rows if row.startswith(name))
 
 role, module, values = json.loads(sys.argv[1])
-time, said = 0.1, []
+time, stated = 0.1, []
 
 def ready(values):
     # A scene that has run up to the stage.
@@ -190,12 +190,12 @@ scene, stage = ready(few)
 scene.update_stage(stage, time)
 scene, stage = ready(values)
 found = sys.modules[f"spacemap_vtk.filters.{module}"]
-found.require = lambda size, *_, **__: said.append(size)
+found.require = lambda size, *_, **__: stated.append(size)
 gc.collect()
 open("/proc/self/clear_refs", "w").write("5")
 before = status("VmRSS")
 scene.update_stage(stage, time)
-print(json.dumps([max(said), status("VmHWM") - before]))
+print(json.dumps([max(stated), status("VmHWM") - before]))
 """
 CLOTH = {"weave": {"ends": 150, "picks": 150}}
 MOVED = CLOTH | {"cage": {}, "modal": {"elements": "tetrahedra", "modes": 3}, "response": {}}

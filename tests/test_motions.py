@@ -84,18 +84,22 @@ def test_storyboard_has_a_row_for_each_motion(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scene", "motions", "told"),
+    ("scene", "motions", "reported"),
     [
         ("swing", "response,jumps", ["--motions", "jumps", "response, rotation, transient"]),
         ("calculix_fabric", "response", ["[response] or [transient]"]),
     ],
 )
 def test_unknown_motions_are_refused(
-    scene: str, motions: str, told: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: str,
+    motions: str,
+    reported: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     file = tmp_path / "board.png"
     assert run("storyboard", scene, "-o", str(file), "-q", "--motions", motions) == 2
     message = capsys.readouterr().err
-    for word in told:
+    for word in reported:
         assert word in message
     assert not file.exists()

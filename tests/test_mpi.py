@@ -40,7 +40,7 @@ MPIRUN = ["mpirun", "--allow-run-as-root", "--oversubscribe", *YIELDING]
 
 
 def mpirun(
-    *arguments: object, timeout: float = 300.0, told: bool = False, **more: Any
+    *arguments: object, timeout: float = 300.0, reported: bool = False, **more: Any
 ) -> tuple[int, str, str]:
     """Run a command; what hangs is ended with all that it has started."""
     process = subprocess.Popen(
@@ -64,8 +64,8 @@ def mpirun(
         os.killpg(process.pid, signal.SIGKILL)
         out, error = process.communicate()
         pytest.fail(f"hangs\n{out}\n{error}")
-    # What these cloths are too small for is told at the end: a test of its own asks for it.
-    if not told:
+    # Another test checks the message about what these cloths are too small for.
+    if not reported:
         error = re.sub(r"^spacemap: \d+ processes on this machine .*\n", "", error, flags=re.M)
     return process.returncode, out, error
 
@@ -191,7 +191,7 @@ def test_scripts_in_one_session(processes: int, yarns: int, tmp_path: Path) -> N
     code, out, error = mpirun(
         *("-np", processes - 1, "-wdir", places[0], *run, ":"),
         *("-np", 1, "-wdir", places[1], *run),
-        told=True,
+        reported=True,
     )
     assert code == 0, out + error
     assert re.fullmatch(

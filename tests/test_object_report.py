@@ -71,8 +71,8 @@ def test_cage_with_points_outside(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert cage["volume"] == pytest.approx(0.8 * 1.2 * 1.2)
     assert cage["pieces"] == [40]
     share = cage["points_outside"] / len(x)
-    told = f"{cage['points_outside']} ({100 * share:.3g} %), by up to 99.267 mm"
-    assert told in info(capsys, str(scene))
+    reported = f"{cage['points_outside']} ({100 * share:.3g} %), by up to 99.267 mm"
+    assert reported in info(capsys, str(scene))
 
 
 def test_report_does_not_solve_modes(tmp_path: Path) -> None:

@@ -456,7 +456,7 @@ def test_automatic_values_suit_objects_of_any_size(tmp_path: Path, scale: float)
     # It is seen to move, and not to fly; the same whichever way it was modelled.
     assert 0.01 < moved[0] < 0.2
     np.testing.assert_allclose(moved[0], moved[1], rtol=0.1)
-    # What is said goes before, the cloth's own default too, and comes back from a record.
+    # A given value goes before the default, also before the cloth's, and is kept in a record.
     scene = Scene({"object": {"file": str(tmp_path / "z.stl")}, "cage": {"divisions": [5, 5, 1]}})
     assert scene.cage.divisions == (5, 5, 1)
     assert scene_values(scene)["cage"] == {"divisions": [5, 5, 1]}

@@ -94,8 +94,8 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         "readers": ([ROOT / "scenes", tmp_path], "scenes, drafts and other readers\n"),
     }
     words = [f"{name}={','.join(map(str, arguments))}" for name, (arguments, _) in scripts.items()]
-    run(SCRIPTS / "session.py", tmp_path / "told.json", *words)
-    reported = json.loads((tmp_path / "told.json").read_text())
+    run(SCRIPTS / "session.py", tmp_path / "reported.json", *words)
+    reported = json.loads((tmp_path / "reported.json").read_text())
     wrong = {
         name: reported[name] for name, (_, says) in scripts.items() if says not in reported[name]
     }
@@ -220,8 +220,8 @@ def test_pipeline_scripts_in_one_batch(tmp_path: Path) -> None:
     names = {script.stem for script in PIPELINES.glob("*.py")} - {"plain_weave", "cloth_over_ranks"}
     files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in sorted(names)}
     words = [f"{script}={file}.png" for script, file in files.items()]
-    run(SCRIPTS / "session.py", tmp_path / "told.json", *words, program="pvbatch")
-    for script, text in json.loads((tmp_path / "told.json").read_text()).items():
+    run(SCRIPTS / "session.py", tmp_path / "reported.json", *words, program="pvbatch")
+    for script, text in json.loads((tmp_path / "reported.json").read_text()).items():
         assert text, script
         assert "Traceback" not in text, text
     for name in names:

@@ -1,4 +1,4 @@
-"""What is told of a large cloth by a few of its yarns and crossings."""
+"""Figures of a large cloth from a few of its yarns and crossings."""
 
 from __future__ import annotations
 
@@ -82,8 +82,8 @@ def test_representative_parts_contain_each_local_weave(monkeypatch):
         for i, j in np.ndindex(cloth.drawdown.shape)
     }
     assert sorted(found.values()) == list(range(weaves.max() + 1))
-    told = np.concatenate([weaves[picks, ends].ravel() for ends, picks in parts])
-    assert set(told) == set(found.values())
+    reported = np.concatenate([weaves[picks, ends].ravel() for ends, picks in parts])
+    assert set(reported) == set(found.values())
     assert len(representative_parts(cloth, 300)[0]) == 1 < len(parts)
     plain = Cloth(drawdown=np.indices((200, 300)).sum(axis=0) % 2, warp=THREADS, weft=THREADS)
     # Two within and two at each edge, one at each corner.
@@ -129,6 +129,6 @@ def test_figures_of_a_metre_of_cloth_need_little_memory(tmp_path):
     )
     command = [sys.executable, "-c", code, "info", str(file), "--json", "-q"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    told, peak = done.stdout, done.stderr.split("VmHWM:")[1].split()[0]
-    assert '"least_clearance": {' in told
+    reported, peak = done.stdout, done.stderr.split("VmHWM:")[1].split()[0]
+    assert '"least_clearance": {' in reported
     assert int(peak) < 500_000  # kB

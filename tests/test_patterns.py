@@ -80,7 +80,7 @@ def test_names_are_normalised(name: str, same: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "stated"),
     [
         ("", "must name exactly one weave"),
         ("twill 2/2 plain", "must name exactly one weave"),
@@ -98,8 +98,8 @@ def test_names_are_normalised(name: str, same: str) -> None:
         ("twill 2/2.5", "unknown word"),
     ],
 )
-def test_unknown_weaves_are_refused_with_the_allowed_ones(name: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as caught:
+def test_unknown_weaves_are_refused_with_the_allowed_ones(name: str, stated: str) -> None:
+    with pytest.raises(InputError, match=stated) as caught:
         WeaveSource(pattern=name)
     assert "satin 8/3" in str(caught.value)
 
@@ -142,17 +142,17 @@ def test_a_text_of_rows(text: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("", "the file is empty"),
         ("10\n\n011", "line 3 has 3 ends, but line 1 has 2"),
         ("10\n0é", "line 2: .* is not a crossing; allowed: 1, # or X"),
     ],
 )
-def test_a_bad_text_is_refused_with_file_and_line(text: str, said: str, tmp_path: Path) -> None:
+def test_a_bad_text_is_refused_with_file_and_line(text: str, stated: str, tmp_path: Path) -> None:
     file = tmp_path / "weave.txt"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=said) as caught:
+    with pytest.raises(InputError, match=stated) as caught:
         read_draft(file)
     assert str(caught.value).startswith(str(file))
 
@@ -227,7 +227,7 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("1: 1,3\n3: 2\n", "line 2: pick 3 comes after pick 1"),
         ("12\n23\n", "23 may mean shaft 23, or shafts 2, 3"),
@@ -235,10 +235,10 @@ def test_a_liftplan_as_text(tmp_path: Path, text: str) -> None:
         ("1,2 x\n", '"2" is not a crossing'),
     ],
 )
-def test_invalid_liftplans_are_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_invalid_liftplans_are_refused(tmp_path: Path, text: str, stated: str) -> None:
     file = tmp_path / "dobby.txt"
     file.write_text(text)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=stated):
         read_draft(file)
 
 

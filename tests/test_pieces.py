@@ -179,7 +179,7 @@ def test_a_warped_piece_is_not_reused_for_the_whole() -> None:
 
 def test_a_carved_cage_requests_the_whole_object() -> None:
     weave, cage = WeaveSource(ends=4, picks=4), TetraCage(method="carved")
-    shape = vtkPassArrays()  # that it is a cloth is not told
+    shape = vtkPassArrays()  # its output does not state that it is a cloth
     shape.UseFieldTypesOn()
     shape.AddFieldType(vtkDataObject.FIELD_ASSOCIATION_NONE)
     shape.SetInputConnection(weave.GetOutputPort())

@@ -1,4 +1,4 @@
-"""What is told of long work on the command line, and how it is ended there."""
+"""Progress of long work on the command line, and how the work is ended there."""
 
 from __future__ import annotations
 
@@ -34,28 +34,28 @@ areal_mass = "0.15 kg/m2"
 
 def test_hanging_and_modes_report_separate_progress() -> None:
     solver = ModalSolver(elements="sheet", gravity=(0, 0, -9.8), modes=5)
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     solver.AddObserver(
         "ProgressEvent",
-        lambda caller, _: told.append((caller.GetProgressText() or "", caller.GetProgress())),
+        lambda caller, _: reported.append((caller.GetProgressText() or "", caller.GetProgress())),
     )
     connect(WeaveSource(), TetraCage(), solver)
     before = solver.GetMTime()
     solver.update()
     assert solver.GetMTime() == before
-    steps = [step for step, _ in told]
+    steps = [step for step, _ in reported]
     assert list(dict.fromkeys(steps)) == ["", "hanging", "modes"]
     assert steps == sorted(steps)  # none of them comes back
     for step in ("hanging", "modes"):
-        shares = [share for text, share in told if text == step]
+        shares = [share for text, share in reported if text == step]
         assert shares == sorted(shares)
         assert len(shares) > 2
         assert shares[-1] == 1.0
     # What does not hang has no such step.
-    told.clear()
+    reported.clear()
     solver.hang = False
     assert solver.update().output.GetPointData().GetArray("equilibrium") is None
-    assert {step for step, _ in told} == {"", "modes"}
+    assert {step for step, _ in reported} == {"", "modes"}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a terminal that a program can read")
@@ -70,24 +70,24 @@ def test_equilibrium_reports_progress_and_can_be_interrupted(tmp_path: Path) -> 
         command, stderr=terminal, env={**os.environ, "COLUMNS": "120", "TERM": "xterm"}
     )
     os.close(terminal)
-    said = ""
+    stated = ""
     try:
         end = time.monotonic() + 100
-        while "ModalSolver hanging" not in said:
-            assert time.monotonic() < end, said
+        while "ModalSolver hanging" not in stated:
+            assert time.monotonic() < end, stated
             if select.select([master], [], [], 1.0)[0]:
-                said += os.read(master, 65536).decode(errors="replace")
+                stated += os.read(master, 65536).decode(errors="replace")
         process.send_signal(signal.SIGINT)
         while True:
             try:
-                said += os.read(master, 65536).decode(errors="replace")
+                stated += os.read(master, 65536).decode(errors="replace")
             except OSError:  # nobody writes there any more
                 break
         assert process.wait(20) == 1
     finally:
         process.kill()
         os.close(master)
-    assert said.rstrip().endswith("spacemap: stopped")
-    assert "Traceback" not in said
-    assert "modes" not in said
+    assert stated.rstrip().endswith("spacemap: stopped")
+    assert "Traceback" not in stated
+    assert "modes" not in stated
     assert list(tmp_path.iterdir()) == [scene]

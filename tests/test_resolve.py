@@ -66,7 +66,7 @@ def test_diameter_is_peirces(ne: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "stated"),
     [
         ("30", "out of range"),
         ("0 Ne", "the yarn count must be more than 0"),
@@ -77,8 +77,8 @@ def test_diameter_is_peirces(ne: float) -> None:
         (True, "must be a number"),
     ],
 )
-def test_invalid_yarn_counts_are_refused(text: Any, said: str) -> None:
-    with pytest.raises(InputError, match=rf'warp_count = .*{said}.*"40 Ne"'):
+def test_invalid_yarn_counts_are_refused(text: Any, stated: str) -> None:
+    with pytest.raises(InputError, match=rf'warp_count = .*{stated}.*"40 Ne"'):
         WeaveSource(warp_count=text)
 
 
@@ -200,7 +200,7 @@ def test_counts_yarn_by_yarn() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "said"),
+    ("value", "stated"),
     [
         (["0.2 mm", "x"], 'value 2, "x": must be a number'),
         ([], "must not be an empty list"),
@@ -209,8 +209,8 @@ def test_counts_yarn_by_yarn() -> None:
         ({}, "must not be an empty list"),
     ],
 )
-def test_a_bad_list_names_the_value(value: Any, said: str) -> None:
-    with pytest.raises(InputError, match=f"warp_diameter = .*{said}.*repeated over the yarns"):
+def test_a_bad_list_names_the_value(value: Any, stated: str) -> None:
+    with pytest.raises(InputError, match=f"warp_diameter = .*{stated}.*repeated over the yarns"):
         WeaveSource(warp_diameter=value)
 
 

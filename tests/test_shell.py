@@ -500,7 +500,7 @@ def test_a_tapering_strip_bends_by_its_thickness_at_each_place(thin_end):
     bends = (curved * weight * rigidity) @ curved.T / length**4
     rate = la.eigh(bends, (waves * weight * line) @ waves.T, eigvals_only=True)[0] ** 0.5
     assert angular_frequencies(model, 1)[0] == pytest.approx(rate, rel=3e-3)
-    # pulled along it, and what is told of its stress
+    # pulled along it, and the stress that is reported
     pushed = pushed[:, [2, 1, 0]] * 100
     _, stress = model.strain_and_stress(model.statics(pushed.ravel())[0].reshape(-1, 3))
     middle = points[cells[::5]].mean(axis=1)[:, 0]

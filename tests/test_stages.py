@@ -203,18 +203,18 @@ def test_new_mover_becomes_a_scene_section(tmp_path: Path) -> None:
 def test_new_stages_appear_on_the_command_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    def said(*words: str) -> str:
+    def stated(*words: str) -> str:
         with pytest.raises(SystemExit) as ended:
             main(words)
         assert ended.value.code == 0, capsys.readouterr().err
         return capsys.readouterr().out
 
-    assert "[shear]  Shear a cage, more and more." in said("keys")
-    assert 'rate = "0.5 1/s"\n    How fast it shears.' in said("keys", "shear")
-    assert "shift = " in said("keys", "surface")
+    assert "[shear]  Shear a cage, more and more." in stated("keys")
+    assert 'rate = "0.5 1/s"\n    How fast it shears.' in stated("keys", "shear")
+    assert "shift = " in stated("keys", "surface")
     output = str(tmp_path / "sheared.vtp")
     words = [f"--set={word}" for word in ("shear.rate=2", "surface.shift=1 m", "weave.ends=2")]
-    said("export", "plain_weave", *words, "--set=weave.picks=2", "--time=1", "-o", output, "-q")
+    stated("export", "plain_weave", *words, "--set=weave.picks=2", "--time=1", "-o", output, "-q")
     low, high = pv.read(output).bounds[4:]
     assert low > 0.9
     assert high < 1.1

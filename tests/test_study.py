@@ -147,9 +147,9 @@ def test_results_of_a_stopped_sweep_are_kept_and_reused(scene: Path, tmp_path: P
     with (folder / "table.csv").open(encoding="utf-8", newline="") as stream:
         assert [row["message"] for row in csv.DictReader(stream)] == ["", "not run", "not run"]
     before = json.loads((folder / "warp_spacing=0.5mm.json").read_text())
-    told: list[int] = []
-    found = execute_sweep(sweep, folder, lambda done, of: told.append(done), workers=1)
-    assert told == [1, 2, 3]
+    reported: list[int] = []
+    found = execute_sweep(sweep, folder, lambda done, of: reported.append(done), workers=1)
+    assert reported == [1, 2, 3]
     assert found["warp_spacing=0.5mm"].seconds == before["seconds"]
     with Image.open(folder / "contact_sheet.png") as sheet:
         assert sheet.width > 3 * 64

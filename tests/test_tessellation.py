@@ -385,14 +385,14 @@ def test_an_error_in_a_thread_is_raised(monkeypatch):
 
 def test_deleting_an_array_runs_no_python() -> None:
     recycler = ArrayPool()
-    array, told = recycler.empty((10,), np.float64), []
-    sys.setprofile(lambda _frame, event, _argument: told.append(event))
+    array, reported = recycler.empty((10,), np.float64), []
+    sys.setprofile(lambda _frame, event, _argument: reported.append(event))
     try:
         del array
     finally:
         sys.setprofile(None)
     # Python's functions are "call"; turning the profile off is a "c_call".
-    assert "call" not in told
+    assert "call" not in reported
 
 
 _TWO_THREADS = """

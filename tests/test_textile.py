@@ -263,11 +263,11 @@ def test_a_textile_has_its_own_figures(scene: Path, capsys: pytest.CaptureFixtur
         assert (own["extent"], own["linear_densities"]) == (None, None)
     assert not {"ends", "picks", "drawdown", "warp", "weft"} & found.keys()
     assert called("info", scene) == 0
-    told = capsys.readouterr().out
-    assert "0.4 mm" in told
-    assert ("2.8 mm x 10 mm x 0.4 mm" in told) == (scene.stem == "rods")
-    assert ("986.46 tex" in told) == (scene.stem == "rods")
-    assert "crimp" not in told
+    reported = capsys.readouterr().out
+    assert "0.4 mm" in reported
+    assert ("2.8 mm x 10 mm x 0.4 mm" in reported) == (scene.stem == "rods")
+    assert ("986.46 tex" in reported) == (scene.stem == "rods")
+    assert "crimp" not in reported
 
 
 def test_a_weave_states_the_same_figures() -> None:

@@ -125,13 +125,13 @@ def at_one(chance: Random, files: dict[str, list[Any]]) -> Counter[str]:
             stage = stages[-1 - choice % min(3, len(stages))]
             if choice == 0:
                 stage.Modified()
-            said = ""
+            stated = ""
             try:
                 stage.update(content[2])
             except SpacemapError as error:
-                said = error_text(error)
-            refused = "another thread is updating" in said
-            assert refused or said in {"", *expected[1].values()}
+                stated = error_text(error)
+            refused = "another thread is updating" in stated
+            assert refused or stated in {"", *expected[1].values()}
             if refused:
                 sleep(0.01)  # or it would try in vain until the first is done
             with lock:

@@ -49,7 +49,7 @@ def surface(made: Weave, t: np.ndarray, which: Any = slice(None)) -> tuple[np.nd
 
 
 def measured(**measures: Any) -> Cloth:
-    """A cloth of measures by the names that a user gives them; plain where nothing else is said."""
+    """A cloth from the measures that a user gives by name; by default a plain weave."""
     none = Threads(diameter=1.0, spacing=1.0)
     return changed(Cloth(drawdown=PLAIN, warp=none, weft=none), **measures)
 

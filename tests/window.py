@@ -203,12 +203,12 @@ def fill_in(action: Any, fill: Callable[[Any], None]) -> None:
 def wait_written(window: Any, file: Path) -> None:
     """Wait until the status bar reports a written file."""
 
-    def told() -> bool:
+    def reported() -> bool:
         message = window.statusBar().currentMessage()
         return message.startswith("Saved:") and file.name in message
 
     # Another process writes it, whose start takes long on a busy machine.
-    wait_until(lambda: told() or window.errors.text, 600.0)
+    wait_until(lambda: reported() or window.errors.text, 600.0)
     assert window.errors.text == ""
 
 

@@ -39,8 +39,8 @@ def _external_names(path: Path) -> list[str]:
     return [unquote(str(part["uri"])) for part in _external_parts(path)]
 
 
-def _byte_length(said: Any) -> float:
-    return said if isinstance(said, int) else math.inf
+def _byte_length(value: Any) -> float:
+    return value if isinstance(value, int) else math.inf
 
 
 def _check(path: Path) -> None:
