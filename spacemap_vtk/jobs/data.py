@@ -39,9 +39,23 @@ _PIECES = 4
 _MOST_PIECES = 10_000
 
 
+class ExportJob(Job):
+    """A job that writes data of a scene for other programs."""
+
+    @property
+    def is_numbered(self) -> bool:
+        """Whether each time is written into a separate file."""
+        return writes_numbered_files(self.output, self.kind)
+
+    @property
+    def needs_folder(self) -> bool:
+        """Whether other files may appear next to the output."""
+        return True
+
+
 @register(*(kind for kind in DATA if kind not in ("moving", "modes")))
 @dataclass
-class DataJob(Job):
+class DataJob(ExportJob):
     """Data of a scene at one time, at several times, or in pieces; see `make_data_job`."""
 
     output: Path
@@ -62,16 +76,6 @@ class DataJob(Job):
     def create(cls, kind: str, output: Path, **fields: Any) -> Job:
         """Return a job of one of the kinds that this class is registered for."""
         return cls(output, kind, **fields)
-
-    @property
-    def is_numbered(self) -> bool:
-        """Whether each time is written into a separate file."""
-        return writes_numbered_files(self.output, self.kind)
-
-    @property
-    def needs_folder(self) -> bool:
-        """Whether other files may appear next to the output."""
-        return True
 
     @property
     def is_series(self) -> bool:

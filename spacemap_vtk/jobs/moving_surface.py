@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs.data import (
+    ExportJob,
     check_data_output,
     common_scale,
     format_count,
     format_size,
     series_times,
     write_series,
-    writes_numbered_files,
 )
 from spacemap_vtk.jobs.job import Context, Job, Times, register, selected_times, to_floats
 from spacemap_vtk.units import format_quantity
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @register()
 @dataclass
-class MovingJob(Job):
+class MovingJob(ExportJob):
     """The surface with its motion, or a separate file for each time."""
 
     output: Path
@@ -60,16 +60,6 @@ class MovingJob(Job):
             from spacemap_vtk.draw.detail.yarn_recorder import check_strands
 
             self.curves = check_strands(str(self.curves))
-
-    @property
-    def is_numbered(self) -> bool:
-        """Whether each time is written into a separate file."""
-        return writes_numbered_files(self.output, self.kind)
-
-    @property
-    def needs_folder(self) -> bool:
-        """Whether other files may appear next to the output."""
-        return True
 
     @property
     def is_series(self) -> bool:
@@ -117,7 +107,7 @@ class MovingJob(Job):
 
 @register()
 @dataclass
-class ModesJob(Job):
+class ModesJob(ExportJob):
     """The surface in equilibrium, with a shape and an oscillation for each mode."""
 
     output: Path
@@ -129,11 +119,6 @@ class ModesJob(Job):
     def __post_init__(self) -> None:
         check_data_output(self.output, self.kind)
         self.subdivisions = _check_subdivisions(self.subdivisions)
-
-    @property
-    def needs_folder(self) -> bool:
-        """Whether other files may appear next to the output."""
-        return True
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the scene's time."""

@@ -1,4 +1,4 @@
-"""A scene's figures as plain dictionaries, for the commands ``report_modes`` and ``info``."""
+"""A scene's figures as plain dictionaries, for the commands ``modes`` and ``info``."""
 
 from __future__ import annotations
 

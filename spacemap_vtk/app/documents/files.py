@@ -45,7 +45,7 @@ class FileCommands(QObject):
 
     @property
     def recent(self) -> list[str]:
-        """FileCommands opened or saved recently that still exist, the latest first."""
+        """Files opened or saved recently that still exist, the latest first."""
         names = QSettings().value("recent") or []
         names = [names] if isinstance(names, str) else list(names)
         return [name for name in names if Path(name).is_file()]

@@ -1,4 +1,4 @@
-"""DraftLayout of a draft's grids on the screen, and lookup of the cell at a point."""
+"""Layout of a draft's grids on the screen, and lookup of the cell at a point."""
 
 from __future__ import annotations
 

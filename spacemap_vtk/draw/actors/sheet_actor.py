@@ -57,7 +57,7 @@ _LEVELS = 6
 _MOST_TEXELS = 1024
 #: Number of samples along each side of a pixel if single yarns are drawn.
 _POINTS = 4
-#: YarnSelection by which contact shadows darken a yarn where it lies deepest.
+#: Fraction by which contact shadows darken a yarn where it lies deepest.
 _SHADOW = 0.8
 
 _VERTEX_DECLARATIONS = """
