@@ -16,6 +16,7 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QFileDialog, QToolButton, QWhatsThis  # noqa: E402
 
+from spacemap_vtk.errors import SolverError  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -96,6 +97,15 @@ def test_frame_of_the_motion_clears_a_run_error_and_a_mode_does_not(open_scene: 
     window.document.set("response", "alpha", None)
     wait_until(lambda: settled(window) and window.errors.text == "")
     assert window.stages.states["response"] == "fresh"
+
+
+def test_failure_of_an_older_run_does_not_end_a_mode_just_clicked(open_scene: Any) -> None:
+    window = open_scene()
+    request = window.director._last_request
+    window.modes.table.cellClicked.emit(1, 0)
+    window.engine.failed.emit(SolverError("refused"), request)
+    frames_drawn(window, 3)
+    assert window.modes.mode == 1
 
 
 def test_failing_mode_animation_ends(open_scene: Any) -> None:

@@ -251,8 +251,8 @@ class Director(QObject):
         self._show_ended(getattr(error, "section", None) or self._running, "failed")
         self._end_notice_timer()
         self.failed.emit(error)
-        if self.swing is None or request.swing is not None:
-            # A run from before a swing may fail when the swing has begun, and must not end it.
+        if request.swing is not None:
+            # The failure of an older run must not end a mode that has just been clicked.
             self.swing_ended.emit()
 
     def _show_cancelled(self) -> None:
