@@ -255,9 +255,11 @@ class WeaveParameters(Parameterised):
     )
     warp_section, weft_section = declare_both(
         Choice(
-            "circular",
-            "Section of the {name} yarns; a racetrack is a rectangle between two half circles.",
+            None,
+            "Section of the {name} yarns; a racetrack is a rectangle between two half circles, a "
+            "lenticular section (a lens) lies between two arcs.",
             SECTIONS,
+            automatic="lenticular for a draft file or a yarn count, otherwise circular",
             group="Section",
         )
     )
@@ -266,17 +268,16 @@ class WeaveParameters(Parameterised):
             None,
             "Width over height of the {name}'s section.",
             minimum=1.0,
-            automatic="1 for circular yarns, 1.5 for others",
+            automatic="1 for circular yarns, 1.5 for others; a lens closes the cloth",
             group="Section",
         )
     )
     thick_yarns = Choice(
-        "scale",
-        "How to treat yarns of a draft that are too thick to interlace: scale makes them thinner "
-        "(round yarns, an open cloth), flatten makes them flat (a dense cloth: they fill their "
-        "spacing, also if the draft gives no thickness), refuse reports an error.",
-        ["scale", "flatten", "refuse"],
-        when={"draft": ()},
+        "lens",
+        "How to treat yarns of a draft that are too thick to interlace. lens: lenticular yarns "
+        "that close the cloth, also for yarn counts of a pattern; scale: thinner, round yarns (an "
+        "open cloth); flatten: flat yarns that fill their spacing; refuse: report an error.",
+        ["lens", "scale", "flatten", "refuse"],
         group="Section",
     )
     warp_layer, weft_layer = declare_both(

@@ -162,6 +162,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
             f.name: getattr(self, f.name) for f in fields(ClothRequest) if f.name in self.parameters
         }
         own |= {"ends": self.ends or size, "picks": self.picks or size}
+        own["from_file"] = self.draft is not None
         return ClothRequest(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
 
     def _refuse_alternatives(self) -> None:

@@ -63,9 +63,9 @@ def values_of(path: Path, name: str = "") -> dict[str, Any]:
     """Return the values of a scene, draft or mesh as a scene file that calls it `name`."""
     kind = registry.kind_of(path)
     if kind == "draft":
-        # A weaver expects the face, flat, with the yarns side by side.
+        # A weaver expects the face, flat.
         return {
-            "weave": {"draft": name or str(path), "thick_yarns": "flatten"},
+            "weave": {"draft": name or str(path)},
             "view": {"camera": "face"},
         }
     if kind == "mesh":

@@ -263,7 +263,7 @@ class CrimpGeometry:
             lateral=own.position,
             plan=plan,
             rest=_compute_rings(path, np.ones(len(path.length))),
-            tubes=Tubes(point, shape.size, path.parts, shape.aspect),
+            tubes=Tubes(point, shape.size, path.parts, shape.aspect, shape.lens_aspect),
             shape=shape,
             cap=build_cap(shape.size) if cloth.caps and len(path.parts) else None,
             spread=np.kron(basis, np.eye(3)).astype(np.float64),

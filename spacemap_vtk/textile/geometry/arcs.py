@@ -11,6 +11,8 @@ Yarns touch at every crossing and overlap nowhere:
   ``y**2 + (R - f)**2 >= R**2`` and ``x**2 + (R - g)**2 >= R**2`` give
   ``x**2 + y**2 + (R - f - g)**2 >= R**2 + 2 f g``. (Where one yarn moves away, f < 0, the other
   one alone keeps the distance, because g > R only where x > R.)
+- Over a lens the arc has the radius R_j + d/2, and the proof holds for the centre lines of the
+  arcs on which yarns touch (`spacemap_vtk.textile.weave.lens`).
 - A racetrack is the union of circles with centres on its flat. Distances to it are distances to the
   circles, with x and y shortened by half the flat. The same result holds if axes stay straight on
   the flats.
@@ -85,7 +87,7 @@ def build_gaps(
         position[:, :1] - overhang / size[:, :1],
         position[:, -1:] + overhang / size[:, -1:],
     )
-    if crossed.aspect > 1.0:
+    if half.any():
         # Yarns are straight over each flat. A yarn may end on the first or last flat.
         flat = crossed.flat.copy()
         flat[[0, -1]] -= np.maximum(half[[0, -1]] - overhang, 0.0) * (1 + (len(flat) == 1))

@@ -18,6 +18,7 @@ from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 
 #: Crossings along both sides of a local weave: the crossing and its neighbours decide where a yarn
 #: bends.
@@ -122,13 +123,19 @@ def crop_cloth(cloth: Cloth, part: YarnSelection) -> Cloth:
         warp=warp,
         weft=weft,
         # The height is divided as in the whole cloth, whose mean diameters may differ.
-        crimp_height=cloth.share * (warp.mean_diameter + weft.mean_diameter),
+        crimp_height=_height_for_lean(cloth, warp, weft),
         middle=(middle[0], middle[1]),
         layers=layers,
     )
     if layers is None:
         return cropped
     return replace(cropped, layer_gap=2.0 * cloth.level - cropped.sheet_thickness)
+
+
+def _height_for_lean(cloth: Cloth, warp: Threads, weft: Threads) -> float:
+    """Compute the crimp height of some threads that are bent as in the whole cloth."""
+    level = weft.mean_diameter if cloth.is_lenticular else 0.0
+    return level + cloth.lean * (warp.mean_diameter + weft.mean_diameter)
 
 
 def cloth_bounds(cloth: Cloth) -> Floats:

@@ -7,13 +7,14 @@ control points, three for each cubic; neighbouring cubics share their ends.
 
 from __future__ import annotations
 
-from math import cos, pi
+from math import cos, pi, sin
 from typing import NamedTuple
 
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.textile.patches.bezier import arc_handle, quadrilateral_order, rational_handles
+from spacemap_vtk.textile.weave.lens import edge_angle, face_radius
 
 
 class Section(NamedTuple):
@@ -29,6 +30,8 @@ class Section(NamedTuple):
     """Largest distance from the exact section."""
     aspect: float
     """Width over height."""
+    lens_aspect: float = 1.0
+    """The same for a lens; 1 for other sections."""
 
     @property
     def size(self) -> int:
@@ -38,6 +41,8 @@ class Section(NamedTuple):
 
 def build_section(kind: str, aspect: float, exact: bool) -> Section:
     """Build a section of half height 1."""
+    if kind == "lenticular":
+        return _build_lens(aspect, exact)
     if exact:
         handle, weight = map(float, rational_handles(0.5 * pi))
     else:
@@ -58,6 +63,27 @@ def build_section(kind: str, aspect: float, exact: bool) -> Section:
         np.concatenate([closed[1][:7], -ones, closed[1][6:], ones]),
         np.concatenate([closed[2][:7], ones, closed[2][6:], ones]),
         error,
+        aspect,
+    )
+
+
+def _build_lens(aspect: float, exact: bool) -> Section:
+    """Build a lens: four arcs, with an edge where the upper two meet the lower two."""
+    angle, radius = edge_angle(aspect), 2.0 * face_radius(aspect)
+    if exact:
+        handle, weight = map(float, rational_handles(angle))
+    else:
+        handle, weight = arc_handle(angle), 1.0
+    reach = handle * radius
+    near, low = aspect - reach * cos(angle), reach * sin(angle)
+    side = np.array([0.0, reach, near, aspect, near, reach])
+    up = np.array([1.0, 1.0, low, 0.0, -low, -1.0])
+    return Section(
+        np.concatenate([side, -side]),
+        np.concatenate([up, -up]),
+        np.tile([1.0, weight, weight], 4),
+        0.0 if exact else radius * cubic_error(angle),
+        aspect,
         aspect,
     )
 

@@ -81,6 +81,8 @@ class Tubes(NamedTuple):
     """(lines,) Number of parts of each line; line y has 3 parts + 1 rings."""
     aspect: float
     """Width of the section over its height."""
+    lens_aspect: float = 1.0
+    """The same for a lens; 1 for other sections."""
 
     @property
     def ends(self) -> Ints:
@@ -126,7 +128,7 @@ def sweep(
     """Sweep sections along centre lines; the lines of a bundle share a section."""
     plans, first_point, first_patch = [], 0, 0
     for lines, shape in bundles:
-        tubes = Tubes(first_point, shape.size, lines.parts, shape.aspect)
+        tubes = Tubes(first_point, shape.size, lines.parts, shape.aspect, shape.lens_aspect)
         plans.append(_BundlePlan(lines, shape, tubes, first_patch))
         first_point, first_patch = plans[-1].points.stop, plans[-1].patches.stop
     closings = [

@@ -235,7 +235,7 @@ def estimate_counts(cloth: Cloth) -> PatchCounts:
         # Floats over yarns of unequal diameters bend too, and yarns that change cloths.
         if not np.ndim(crossed.diameter) and cloth.layers is None:
             changes = int(np.count_nonzero(np.diff(cloth.drawdown, axis=number)))
-        straight = yarns + passed * (1 + (crossed.aspect > 1.0))
+        straight = yarns + passed * (1 + crossed.has_flats)
         parts.append(straight + 2 * _cubics_per_arc(cloth, number) * changes)
     return _counts_from_parts(cloth, parts)
 

@@ -7,10 +7,11 @@ to arcs too.
 
 A flattened yarn is the union of round tubes whose axes lie on its flat, between the two at its
 round sides. A circle is one such tube. An ellipse is replaced by the racetrack of equal size, which
-contains it. Trees find the nearest points among samples of these axes, and the result is refined on
-the axes themselves. There is no loop over pairs of yarns: two different numbers differ in some
-binary digit, so for each digit samples of yarns with a 1 are searched among those with a 0. The
-cost is n log(n) log(yarns) for n samples.
+contains it. A lens is measured by its support function, whose direction is searched. Trees find the
+nearest points among samples of these axes, and the result is refined on the axes themselves. There
+is no loop over pairs of yarns: two different numbers differ in some binary digit, so for each digit
+samples of yarns with a 1 are searched among those with a 0. The cost is n log(n) log(yarns) for n
+samples.
 """
 
 from __future__ import annotations
@@ -71,6 +72,10 @@ class _Tubes(NamedTuple):
     """(yarns,) Approximate radius."""
     flat: Bools
     """(yarns,) Whether the section is flattened."""
+    lens: Floats
+    """(yarns,) Aspect of a lenticular section; 1 for others."""
+    warp_count: int
+    """Number of ends."""
     perpendicular: bool
     """Whether sections are round, except for their flat, and perpendicular to the axis."""
     at: Callable[[Ints, Floats], tuple[Floats, Floats, Floats, Floats]]
@@ -215,6 +220,8 @@ def measure_clearance(weave: Weave, points: ArrayLike | None = None) -> Clearanc
         value /= value[:, -1:]
         return value[:, 0:3], value[:, 3:6], value[:, 6:9], value[:, 9:12]
 
+    lens = [t.lens_aspect for t in weave.tubes]
+    counts = [len(t.parts) for t in weave.tubes]
     radius = [
         np.linalg.norm(n[:, 3:6], axis=1)[np.cumsum(3 * t.parts + 1) - 1] / n[0, -1]
         for n, t in zip(nets, weave.tubes, strict=True)
@@ -224,10 +231,10 @@ def measure_clearance(weave: Weave, points: ArrayLike | None = None) -> Clearanc
             _Tubes(
                 np.concatenate([tubes.parts for tubes in weave.tubes]),
                 np.concatenate(radius),
-                np.repeat(
-                    [t.aspect > 1.0 for t in weave.tubes], [len(t.parts) for t in weave.tubes]
-                ),
-                points is None,
+                np.repeat([t.aspect > 1.0 and t.lens_aspect == 1.0 for t in weave.tubes], counts),
+                np.repeat(lens, counts),
+                counts[0],
+                points is None and max(lens) == 1.0,
                 evaluate,
             )
         )
@@ -245,13 +252,14 @@ def _run_to_end(steps: Generator[None, None, _Result]) -> _Result:
 
 def _tubes_at_rest(cloth: Cloth) -> _Tubes:
     families = cloth_axes(cloth)
-    aspects = cloth.warp.aspect, cloth.weft.aspect
+    flats = [threads.flat_aspect for threads in cloth.threads]
+    lenses = [t.aspect if t.shape == "lenticular" else 1.0 for t in cloth.threads]
     first = len(families[0].length)
     owners = [family.owner for family in families]
 
     def evaluate(part: Ints, fraction: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         point, normal, lateral, half = np.zeros((4, len(part), 3))
-        for number, (family, aspect) in enumerate(zip(families, aspects, strict=True)):
+        for number, family in enumerate(families):
             mine = (part >= first) == bool(number)
             own = part[mine] - first * number
             yarn = owners[number][own]
@@ -261,15 +269,18 @@ def _tubes_at_rest(cloth: Cloth) -> _Tubes:
             point[mine, number] = family.lateral[yarn]
             normal[mine, 1 - number] = -radius * np.sin(angle)
             normal[mine, 2] = radius * np.cos(angle)
-            lateral[mine, number] = radius
-            half[mine, number] = (aspect - 1.0) * radius
+            lateral[mine, number] = lenses[number] * radius
+            half[mine, number] = (flats[number] - 1.0) * radius
         return point, normal, lateral, half
 
+    counts = [len(family.parts) for family in families]
     return _Tubes(
         np.concatenate([family.parts for family in families]),
         np.concatenate([family.radius for family in families]),
-        np.repeat(np.array(aspects) > 1.0, [len(family.parts) for family in families]),
-        True,
+        np.repeat(np.array(flats) > 1.0, counts),
+        np.repeat(lenses, counts),
+        counts[0],
+        max(lenses) == 1.0,
         evaluate,
     )
 
@@ -291,8 +302,9 @@ def _ring_net(points: Floats, weave: Weave, number: int) -> Floats:
     net = np.empty((count, 13))
     net[:, 0:3] = 0.25 * (left + right + top + bottom)
     net[:, 3:6] = 0.5 * (top - bottom)
-    net[:, 6:9] = half / tubes.aspect
-    net[:, 9:12] = half * (1.0 - 1.0 / tubes.aspect)
+    flat = tubes.aspect / tubes.lens_aspect
+    net[:, 6:9] = half / flat
+    net[:, 9:12] = half * (1.0 - 1.0 / flat)
     net[:, 12] = 1.0
     if weave.weights is not None:
         net *= weave.weights[here].reshape(count, size)[:, :1]
@@ -331,10 +343,19 @@ def _search_least(tubes: _Tubes) -> Generator[None, None, Clearance]:
     most = _MOST if tubes.perpendicular else _MOST // 4
     # Work in blocks and keep only the worst: all pairs at once would take most of the memory.
     kept = np.empty((2, 0), dtype=np.int64), np.empty(0), np.empty((0, 3))
-    for pairs in _nearest_pairs(located[0], tubes.radius[yarn], yarn):
+    # The nearest axis is that of a crossing yarn, though the nearest edge of a wide lens may be a
+    # neighbour's. So neighbours are also searched by themselves.
+    groups = [np.arange(len(yarn))]
+    if (tubes.lens > 1.0).any():
+        groups += [np.flatnonzero((yarn < tubes.warp_count) == warp) for warp in (True, False)]
+    for pairs in (
+        some[pairs]
+        for some in groups
+        for pairs in _nearest_pairs(located[0, some], tubes.radius[yarn[some]], yarn[some])
+    ):
         yield
         one, other = (tuple(x[mine] for x in located) for mine in pairs)
-        gap, _, facing = _section_gap(one, other, None, turns)
+        gap, _, facing = _section_gap(one, other, tubes.lens[yarn[pairs]], None, turns)
         found = _local_minima(pairs, gap, facing, yarn)
         worst = np.argsort(np.concatenate([kept[1], found[1]]), kind="stable")[:most]
         kept = (
@@ -356,7 +377,7 @@ def _search_least(tubes: _Tubes) -> Generator[None, None, Clearance]:
         found: list[tuple[Floats, ...]], sides: Floats, few: int
     ) -> tuple[Floats, Floats, Floats]:
         first, second = map(move_to_side, found, sides)
-        return _section_gap(first, second, facing if few else None, few)
+        return _section_gap(first, second, tubes.lens[own], facing if few else None, few)
 
     best, middle, _ = measure_gap(evaluate_both(moved), sides, turns)
     flattened = bool(tubes.flat[own].any())
@@ -413,6 +434,8 @@ def _nearest_pairs(points: Floats, radius: Floats, yarn: Ints) -> Iterator[Ints]
     for digit in range(int(yarn.max()).bit_length()):
         one = (yarn >> digit) & 1 == 1
         ones, zeros = np.flatnonzero(one), np.flatnonzero(~one)
+        if not len(zeros):
+            continue
         tree = cKDTree(lifted[zeros])
         for block in blocks(len(ones), _BLOCK):
             few = ones[block]
@@ -437,6 +460,7 @@ def _local_minima(
 def _section_gap(
     first: tuple[Floats, ...],
     second: tuple[Floats, ...],
+    lens: Floats,
     start: Floats | None = None,
     turns: int = 0,
 ) -> tuple[Floats, Floats, Floats]:
@@ -449,13 +473,13 @@ def _section_gap(
     across = b - a
     distance = np.maximum(_norm(across), 1e-300)
     direction = across / distance if start is None else start
-    gap, reach, pull = _separation(across, radii_a, radii_b, direction)
+    gap, reach, pull = _separation(across, (radii_a, radii_b), lens, direction)
     step = np.ones_like(distance)
     for _ in range(turns):
         pull -= direction * np.sum(direction * pull, axis=1, keepdims=True)
         trial = direction + step * pull / distance
         trial /= np.maximum(_norm(trial), 1e-300)
-        found = _separation(across, radii_a, radii_b, trial)
+        found = _separation(across, (radii_a, radii_b), lens, trial)
         better = (found[0] > gap)[:, None]
         direction = np.where(better, trial, direction)
         gap, reach = np.maximum(gap, found[0]), np.where(better[:, 0], found[1], reach)
@@ -465,18 +489,26 @@ def _section_gap(
 
 
 def _separation(
-    across: Floats, radii_a: list[Floats], radii_b: list[Floats], direction: Floats
+    across: Floats, radii: tuple[list[Floats], list[Floats]], lens: Floats, direction: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Compute the gap, the first section's reach along the direction, and the gap's gradient."""
     gap = np.einsum("nk,nk->n", direction, across)
     pull = across.copy()
     reaches = []
-    for normal, lateral in (radii_a, radii_b):
+    for (normal, lateral), aspect in zip(radii, lens, strict=True):
         n = np.einsum("nk,nk->n", direction, normal)
-        m = np.einsum("nk,nk->n", direction, lateral)
-        reach = np.hypot(n, m)
-        share = 1.0 / np.maximum(reach, 1e-300)
-        pull -= (share * n)[:, None] * normal + (share * m)[:, None] * lateral
+        m = np.einsum("nk,nk->n", direction, lateral) / aspect
+        # The arcs of a lens of half height 1 have the radius 1 + more about points `more` beyond
+        # its middle. An ellipse is the image of a circle, for which `more` is 0.
+        more = 0.5 * (aspect * aspect - 1.0)
+        size = np.hypot(n, m)
+        reach = (1.0 + more) * size - more * np.abs(n)
+        share = (1.0 + more) / np.maximum(size, 1e-300)
+        by_n, by_m = share * n - more * np.sign(n), share * m / aspect
+        edge = more * np.abs(m) > aspect * np.abs(n)
+        reach = np.where(edge, aspect * np.abs(m), reach)
+        pull -= np.where(edge, 0.0, by_n)[:, None] * normal
+        pull -= np.where(edge, np.sign(m), by_m)[:, None] * lateral
         reaches.append(reach)
     return gap - reaches[0] - reaches[1], reaches[0], pull
 

@@ -1,11 +1,13 @@
 """A cloth: yarns, spacings, sections and crimp, checked before anything is built.
 
 Every yarn may have a different diameter, and every pair of neighbours a different spacing. The
-section of a yarn is a circle, a racetrack (Kemp) or an ellipse. Its height along z is the diameter,
-and its width along the cloth is the aspect times the diameter. For all sections:
+section of a yarn is a circle, a racetrack (Kemp), an ellipse or a lens. Its height along z is the
+diameter, and its width along the cloth is the aspect times the diameter. For all sections:
 
 - At the crossing of end j and pick i the axes are (d_j + d_i) / 2 apart. Warp and weft share this
   distance in one ratio h1 : h2 in the whole cloth, so crimp heights are proportional to diameters.
+  Where a family is lenticular, the ratio is one for level crowns, where each yarn has the height of
+  the yarn that it crosses, and h1 differs from that by one share of d_j + d_i.
 - A flattened yarn is crossed on its flat, whose length is the width less the diameter. Between two
   crossings Peirce's formulas hold over p' = p less half the flats of both yarns (Kemp).
 - In a gap whose two arcs have radii with the sum D, there is room for the warp if
@@ -32,6 +34,7 @@ from spacemap_vtk.parallel import blocks
 from spacemap_vtk.textile.drafts.drawdown import as_drawdown
 from spacemap_vtk.textile.weave.double_weave import LAYER_CLEARANCE, Layers
 from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
+from spacemap_vtk.textile.weave.lens import CrossedGaps, largest_lean, neighbour_means
 from spacemap_vtk.textile.weave.peirce import (
     JAM,
     Crimp,
@@ -41,6 +44,7 @@ from spacemap_vtk.textile.weave.peirce import (
     solve,
 )
 from spacemap_vtk.textile.weave.threads import Threads, YarnIndices, Yarns
+from spacemap_vtk.units import format_length
 
 #: Shapes of a yarn's axis, the default first.
 AXES = ("arcs", "spline")
@@ -58,7 +62,7 @@ class CrossingProfile(NamedTuple):
     """Radii and heights of yarns at the yarns that they cross: arrays (yarns, crossings)."""
 
     arc: Floats
-    """Radii of the arcs; where yarns touch, the radius is the distance R of the axes."""
+    """Radii of the arcs; where round yarns touch, the radius is the distance R of the axes."""
     height: Floats
     """Heights of the axes, in z."""
     bends: Bools | None
@@ -100,7 +104,8 @@ class Cloth:
     crimp_height : float, optional
         Crimp height h1 of the warp, in metres, for yarns of mean diameters. Crimp heights of single
         crossings are proportional to their diameters. By default it follows from the crimp of warp
-        or weft, or else it is the middle of the feasible interval.
+        or weft, or else it is the middle of the feasible interval; with lenticular yarns that of
+        level crowns.
     overhang : float, optional
         Length of each yarn past its last crossing, in metres; by default half the mean spacing of
         the yarns that it crosses.
@@ -182,7 +187,7 @@ class Cloth:
         try:
             self._check_measures()
             height = self._choose_height()
-            check_height(*self._tightest_spacings, self.diameter_sum, height, self.names)
+            self._check_height(height)
         except GeometryError as error:
             if self.cure:
                 error.cure = f"{self.cure} {error.cure}"
@@ -193,6 +198,10 @@ class Cloth:
     def feasible_heights(self) -> tuple[float, float]:
         """Interval of the warp's crimp height h1, in metres, that leaves room for all yarns."""
         self._check_measures()
+        if self.is_lenticular:
+            low, high = self._lens_heights
+            self._check_height(0.5 * (low + high))
+            return low, high
         tightest, sum_ = self._tightest_spacings, self.diameter_sum
         check_height(*tightest, sum_, balanced_height(*tightest, sum_), self.names)
         return feasible_height(*tightest, sum_)
@@ -213,6 +222,49 @@ class Cloth:
         return self.share, 1.0 - self.share
 
     @property
+    def is_lenticular(self) -> bool:
+        """Whether a family is lenticular; then crowns are level by default."""
+        return "lenticular" in (self.warp.shape, self.weft.shape)
+
+    @property
+    def level_height(self) -> float:
+        """Crimp height h1 of the warp, in metres, at which crowns are level."""
+        return self.weft.mean_diameter
+
+    @property
+    def lean(self) -> float:
+        """Share of h1 - `level_height` in d1 + d2; without lenticular yarns that of h1."""
+        return self.share - self._level_shares[0]
+
+    @property
+    def _level_shares(self) -> tuple[float, float]:
+        if not self.is_lenticular:
+            return 0.0, 0.0
+        share = self.level_height / self.diameter_sum
+        return share, 1.0 - share
+
+    def axis_heights(self, number: int, own: Floats, crossed: Floats) -> Floats:
+        """Compute heights of axes over the mid-surface at crossings.
+
+        Parameters
+        ----------
+        number : {0, 1}
+            Warp or weft.
+        own, crossed : ndarray of float
+            Heights of both yarns, in metres, of shapes that broadcast.
+
+        Returns
+        -------
+        ndarray of float
+            In metres, h/2.
+        """
+        distance = 0.5 * (own + crossed)
+        share, level = self.shares[number], self._level_shares[number]
+        if not self.is_lenticular:
+            return share * distance
+        return np.asarray(0.5 * crossed + (share - level) * distance)
+
+    @property
     def parts_per_gap(self) -> int:
         """Largest number of parts of an axis between neighbouring crossings, to estimate memory."""
         if self.axis == "spline":
@@ -220,7 +272,7 @@ class Cloth:
         # An arc of more than 60 degrees needs a height of more than half the sum of its radii.
         steep = max(self.shares) > 0.5 + 1e-9 or (self.layers and any(self.layers.has_changes))
         arcs = 2 if steep and not self.exact else 1
-        return 2 * arcs + 1 + (max(self.warp.aspect, self.weft.aspect) > 1.0)
+        return 2 * arcs + 1 + (self.warp.has_flats or self.weft.has_flats)
 
     @property
     def threads(self) -> tuple[Threads, Threads]:
@@ -245,9 +297,10 @@ class Cloth:
     @property
     def sheet_thickness(self) -> float:
         """Thickness of the cloth, or of each cloth of a double weave, in metres."""
-        tallest = [float(np.max(threads.diameter)) for threads in self.threads]
+        tallest = np.array([float(np.max(threads.diameter)) for threads in self.threads])
         return max(
-            share * sum(tallest) + own for share, own in zip(self.shares, tallest, strict=True)
+            2.0 * float(self.axis_heights(number, own, crossed)) + float(own)
+            for number, (own, crossed) in enumerate((tallest, tallest[::-1]))
         )
 
     @property
@@ -289,10 +342,11 @@ class Cloth:
 
     def crossing_profile(self, number: int, which: YarnIndices = slice(None)) -> CrossingProfile:
         # Radii and heights of ends (0) or picks (1) at the yarns that they cross, a row per yarn.
-        own, crossed = self.yarns[number].diameter[which], self.yarns[1 - number].diameter
-        arc = 0.5 * (own[:, None] + crossed)
-        upper, share = self.is_over(number, which), self.shares[number]
-        height = np.where(upper, share, -share) * arc
+        own, crossed = self.yarns[number].diameter[which][:, None], self.yarns[1 - number]
+        arc = 0.5 * own + crossed.face_radius
+        height = self.axis_heights(number, own, crossed.diameter)
+        upper = self.is_over(number, which)
+        height = np.where(upper, height, -height)
         if self.layers is None:
             return CrossingProfile(arc, height, None)
         same, above = (
@@ -346,15 +400,77 @@ class Cloth:
         result = []
         for number in (0, 1):
             ratio = inf
-            # Threads that change from one cloth to the other may be neighbours in either cloth.
-            fixed = self.layers is None or self.layers.is_fixed
-            for threads in [s[number] for s in self.sheets] if fixed else [self.threads[number]]:
+            for threads in self._neighbours(number):
                 room, diameters = threads.gaps()
                 sums = diameters + np.max(self.threads[1 - number].diameter)
                 ratio = min(ratio, float(np.min(room / sums, initial=inf)))
             # Without a second yarn there is nothing to bend between.
             result.append(ratio * self.diameter_sum if ratio < inf else self.diameter_sum)
         return result[0], result[1]
+
+    def _neighbours(self, number: int) -> list[Threads]:
+        """Return the threads of a family, separately for each cloth if none changes its cloth."""
+        # Threads that change from one cloth to the other may be neighbours in either cloth.
+        fixed = self.layers is None or self.layers.is_fixed
+        return [sheet[number] for sheet in self.sheets] if fixed else [self.threads[number]]
+
+    @cached_property
+    def _lens_heights(self) -> tuple[float, float]:
+        """Interval of h1, in metres, with lenticular yarns; low above high if it is empty."""
+        leans = []
+        for number, own in enumerate(self.threads):
+            lean = inf
+            for crossed in self._neighbours(1 - number):
+                gaps = CrossedGaps(*crossed.gaps(), crossed.face_ratio)
+                lean = min(lean, largest_lean(gaps, np.asarray(own.diameter)))
+            leans.append(lean)
+        # No axis may cross the mid-surface.
+        sizes = [np.asarray(threads.diameter) for threads in self.threads]
+        for number in (0, 1):
+            least, most = float(np.min(sizes[1 - number])), float(np.max(sizes[number]))
+            leans[1 - number] = min(leans[1 - number], least / (most + least))
+        sum_ = self.diameter_sum
+        return self.level_height - leans[1] * sum_, self.level_height + leans[0] * sum_
+
+    def _check_height(self, height: float) -> None:
+        """Refuse a crimp height h1 that leaves no room for the warp or the weft."""
+        if not self.is_lenticular:
+            check_height(*self._tightest_spacings, self.diameter_sum, height, self.names)
+            return
+        low, high = self._lens_heights
+        grace = JAM * self.diameter_sum
+        key = self.names("crimp_height", 0)
+        if low > high + grace:
+            raise GeometryError(
+                "the cloth is jammed: lenticular yarns of width a and height b need 2 b1 b2 up to "
+                "p1² - a1² and p2² - a2² (p: spacing)",
+                key=self.names("diameter", 0),
+                value=self.warp.mean_diameter,
+                allowed=self._largest_lenses,
+                cure="Use thinner or narrower yarns, or a larger spacing",
+            )
+        if not low - grace <= height <= high + grace:
+            raise GeometryError(
+                f"the cloth is jammed: no room for the {'warp' if height > high else 'weft'} to "
+                f"bend at a height of {format_length(height)}",
+                key=key,
+                value=height,
+                allowed=f"{format_length(low)} to {format_length(high)}",
+                cure=f"Leave it out for level crowns, {format_length(self.level_height)}",
+            )
+
+    @property
+    def _largest_lenses(self) -> str:
+        """Largest heights of yarns of the present widths, in words."""
+        products = []
+        for threads in (t for number in (0, 1) for t in self._neighbours(number)):
+            mean = neighbour_means(np.asarray(threads.diameter)) * threads.aspect
+            if np.size(threads.spacing):
+                products.append(float(np.min(np.square(threads.spacing) - mean**2)))
+        product = 0.5 * max(min(products, default=inf), 0.0)
+        names = self.names("diameter", 0), self.names("diameter", 1)
+        equal = format_length(product**0.5) if product < inf else "any"
+        return f"{names[0]} times {names[1]} up to {equal} squared at these widths and spacings"
 
     def _family(self, number: int, share: float) -> Family:
         """Compute mean measures; a mean gap has room if every gap has."""
@@ -366,11 +482,15 @@ class Cloth:
         # From crossing to crossing of the same cloth; this distance includes flats.
         apart = crossed
         if self.layers is not None and room.size:
-            apart = float(np.mean(room + (other.aspect - 1.0) * between))
-        arcs = own + (float(np.mean(between)) if room.size else across)
+            apart = float(np.mean(room + (other.flat_aspect - 1.0) * between))
+        beside = float(np.mean(between)) if room.size else across
+        arcs = own + 2.0 * other.face_ratio * beside
+        rise = share * arcs
+        if self.is_lenticular:
+            rise = beside + (share - self._level_shares[number]) * (own + beside)
         # A lone crossed yarn has no neighbour towards which to bend, so nothing is tight.
         gap = float(np.mean(room)) if room.size else max(crossed, arcs)
-        theta, straight, length, crimp = solve(gap, share * arcs, arcs)
+        theta, straight, length, crimp = solve(gap, rise, arcs)
         if room.size:
             length, crimp = length + (apart - gap), crimp * gap / apart
         return Family(
@@ -394,6 +514,9 @@ class Cloth:
         for number, threads in enumerate(self.threads):
             if threads.crimp is not None:
                 return self._height_for_crimp(number, threads.crimp)
+        if self.is_lenticular:
+            low, high = self._lens_heights
+            return min(max(self.level_height, low), high)
         return balanced_height(*self._tightest_spacings, self.diameter_sum)
 
     def _height_for_crimp(self, number: int, crimp: float) -> float:

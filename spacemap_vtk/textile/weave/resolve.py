@@ -15,7 +15,8 @@ from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.double_weave import LEAST_YARNS, Layers, find_layers, one_layer_cure
 from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
-from spacemap_vtk.textile.weave.thick_yarns import flatten_yarns, scale_yarns
+from spacemap_vtk.textile.weave.lens import DraftFamily, fit_lenses, neighbour_means
+from spacemap_vtk.textile.weave.thick_yarns import WIDTH_SHARE, flatten_yarns, scale_yarns
 from spacemap_vtk.textile.weave.threads import Lengths, Threads, collapse_equal, repeat_values
 from spacemap_vtk.textile.weave.yarn import section_area, yarn_height
 
@@ -51,7 +52,7 @@ class ThreadsRequest:
     spacing: Wanted | None
     sett: float | None
     crimp: float | None
-    section: str
+    section: str | None
     aspect: float | None
     layer: int | tuple[int, ...] | None
     color: Rgb | tuple[Rgb, ...] | None
@@ -62,6 +63,12 @@ class ThreadsRequest:
     def has_thickness(self) -> bool:
         """Whether the thickness of the yarns is given."""
         return self.diameter is not None or self.count is not None
+
+    @property
+    def can_fit_lens(self) -> bool:
+        """Whether the sizes of lenticular sections may be chosen."""
+        free = self.diameter is None and self.aspect is None
+        return free and self.section in (None, "lenticular")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +92,18 @@ class ClothRequest:
     caps: bool
     exact: bool
     axis: str
+    from_file: bool = False
+
+    @property
+    def closes_cloth(self) -> bool:
+        """Whether yarns get lenticular sections that close the cloth, unless layers prevent it."""
+        families = self.warp, self.weft
+        if not all(family.can_fit_lens for family in families) or self.axis != "arcs":
+            return False
+        if all(family.section == "lenticular" for family in families):
+            return True
+        counted = any(family.count is not None for family in families)
+        return self.thick_yarns == "lens" and (self.from_file or counted)
 
 
 def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity_name) -> Cloth:
@@ -106,16 +125,21 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
     """
     ends, picks = request.ends or draft.size[0], request.picks or draft.size[1]
     if request.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
-        warp, weft = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
-        draft = replace(draft, warp=warp, weft=weft)
+        filled = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
+        draft = replace(draft, warp=filled[0], weft=filled[1])
     layers, messages = _find_layers(
         draft, (ends, picks), (request.warp.layer, request.weft.layer), names
     )
     filling = _default_filling(layers)
+    warp = _resolve_threads(draft.warp, request.warp, request, ends, WARP_COLOR, filling)
+    weft = _resolve_threads(draft.weft, request.weft, request, picks, WEFT_COLOR, filling)
+    closed = request.closes_cloth and layers is None
+    if closed:
+        warp, weft = _close_cloth(draft, request, warp, weft)
     cloth = Cloth(
         drawdown=tile_drawdown(draft.drawdown, ends, picks),
-        warp=_resolve_threads(draft.warp, request.warp, request, ends, WARP_COLOR, filling),
-        weft=_resolve_threads(draft.weft, request.weft, request, picks, WEFT_COLOR, filling),
+        warp=warp,
+        weft=weft,
         crimp_height=request.crimp_height,
         overhang=request.overhang,
         caps=request.caps,
@@ -127,6 +151,8 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         layer_gap=request.layer_gap,
         names=names,
     )
+    if closed:
+        return cloth
     given = draft.warp.thickness is not None, draft.weft.thickness is not None
     if request.thick_yarns == "refuse" and any(given):
         return replace(cloth, cure='Set thick_yarns to "scale" or "flatten".')
@@ -135,6 +161,12 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         return cloth
     change = flatten_yarns if request.thick_yarns == "flatten" else scale_yarns
     cloth, message = change(cloth, thick)
+    if message:
+        warp, weft = (
+            replace(threads, size="assumed") if mine else threads
+            for threads, mine in zip(cloth.threads, thick, strict=True)
+        )
+        cloth = replace(cloth, warp=warp, weft=weft)
     return replace(cloth, warnings=(*cloth.warnings, InfoMessage(message))) if message else cloth
 
 
@@ -187,34 +219,91 @@ def _resolve_threads(
     color: Rgb,
     filling: float,
 ) -> Threads:
-    aspect = request.aspect or (1.0 if request.section == "circular" else ASPECT)
+    section = request.section or "circular"
     spacing = _resolve_spacing(own, request, count)
+    aspect = request.aspect or _default_aspect(request, section, spacing)
     diameter: Lengths
+    size = "given"
     if request.count is not None:
         linear = np.asarray(request.count, dtype=np.float64)
         area = section_area(linear, fibres.fibre_density, fibres.packing)
-        diameter = repeat_values(yarn_height(area, aspect, request.section), count)
+        diameter = repeat_values(yarn_height(area, aspect, section), count)
     elif request.diameter is not None:
         diameter = repeat_values(request.diameter, count)
     elif own.thickness is not None:
         # Weaving programs draw what they call thickness: the width of the yarn.
         diameter = repeat_values(repeat_values(own.thickness, count) / aspect, count)
+        size = "draft"
     else:
         # The narrowest gap decides, so that the default is feasible.
-        diameter = filling / aspect * float(np.min(spacing))
+        share = WIDTH_SHARE if section == "lenticular" else filling
+        diameter = share / aspect * float(np.min(spacing))
+        size = "assumed"
     chosen = (
         request.color if request.color is not None else color if own.colors is None else own.colors
     )
     return Threads(
         diameter=diameter,
         spacing=spacing,
-        section=request.section,
+        section=section,
         aspect=aspect,
+        size=size,
         crimp=request.crimp,
         colors=np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3)),
         twist=None if request.twist is None else repeat_values(request.twist, count),
         plies=repeat_values(request.plies or 1.0, count),
     )
+
+
+def _default_aspect(request: ThreadsRequest, section: str, spacing: Lengths) -> float:
+    """Return the default width over height."""
+    if section == "circular":
+        return 1.0
+    if section == "lenticular" and request.diameter is not None:
+        # As wide as closes the cloth.
+        return max(1.0, WIDTH_SHARE * float(np.min(spacing)) / float(np.max(request.diameter)))
+    return ASPECT
+
+
+def _close_cloth(
+    draft: Draft, request: ClothRequest, warp: Threads, weft: Threads
+) -> tuple[Threads, Threads]:
+    """Give warp and weft lenticular sections that close the cloth, or those of their counts."""
+    families = []
+    for own, wanted, threads in (
+        (draft.warp, request.warp, warp),
+        (draft.weft, request.weft, weft),
+    ):
+        count, spacing = len(threads.colors), np.asarray(threads.spacing)
+        area = None
+        if wanted.count is not None:
+            linear = np.asarray(wanted.count, dtype=np.float64)
+            area = np.asarray(
+                repeat_values(section_area(linear, request.fibre_density, request.packing), count)
+            )
+            width = np.sqrt(area)
+        elif own.thickness is not None:
+            width = np.asarray(repeat_values(own.thickness, count))
+        else:
+            width = np.asarray(np.min(spacing))
+        # A draft's yarns may be thinner than their spaces. Those of a count are as wide as fits.
+        fill = WIDTH_SHARE * float(np.min(spacing / neighbour_means(width), initial=np.inf))
+        if not np.isfinite(fill):
+            fill = 1.0
+        share = min(1.0, fill) if area is None and own.thickness is not None else fill
+        families.append(DraftFamily(share * width, spacing, area))
+    shapes = fit_lenses(*families)
+    closed = [
+        replace(
+            threads,
+            diameter=shape.height if np.ndim(shape.height) else float(shape.height),
+            section="lenticular",
+            aspect=shape.aspect,
+            size="given" if family.area is not None else "assumed",
+        )
+        for threads, shape, family in zip((warp, weft), shapes, families, strict=True)
+    ]
+    return closed[0], closed[1]
 
 
 def _resolve_spacing(own: DraftThreads, request: ThreadsRequest, count: int) -> Lengths:

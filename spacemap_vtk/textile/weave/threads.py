@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
+from spacemap_vtk.textile.weave.lens import face_radius
 from spacemap_vtk.textile.weave.yarn import section_factor, usual_twist
 from spacemap_vtk.units import format_length
 
 #: Sections of a yarn, the default first.
-SECTIONS = ("circular", "racetrack", "elliptic")
+SECTIONS = ("circular", "racetrack", "elliptic", "lenticular")
 
 #: One value for all yarns of a family, or one for each.
 Lengths = float | Floats
@@ -48,7 +49,12 @@ class Yarns(NamedTuple):
     @property
     def flat(self) -> Floats:
         """(n,) Length on top of each yarn along which a crossing yarn is straight."""
-        return (self.aspect - 1.0) * self.diameter
+        return (flat_aspect(self.section, self.aspect) - 1.0) * self.diameter
+
+    @property
+    def face_radius(self) -> Floats:
+        """(n,) Radius of the arc on which each yarn is crossed."""
+        return face_ratio(self.section, self.aspect) * self.diameter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,11 +67,13 @@ class Threads:
         Diameter d of all yarns, or of each, in metres; the height of a flattened section.
     spacing : float or array_like
         Distance p between neighbours, in metres; one value, or n - 1 values for n yarns.
-    section : {"circular", "racetrack", "elliptic"}
+    section : {"circular", "racetrack", "elliptic", "lenticular"}
         A racetrack is a rectangle between two half circles. Axes are exact for circles and
         racetracks: yarns touch along arcs and flats and never overlap. An ellipse has the axis of
         the racetrack of equal size, which contains it. So ellipses touch in the middle of each
         crossing and never overlap, but they leave a gap on both sides that real yarns would close.
+        A lens lies between two arcs, on which yarns touch; see
+        `spacemap_vtk.textile.weave.lens`.
     aspect : float
         Width of the section over its height, at least 1; 1 for circles.
     crimp : float, optional
@@ -77,6 +85,8 @@ class Threads:
         `spacemap_vtk.textile.weave.yarn.usual_twist`. It affects appearance only.
     plies : float or array_like
         Number of singles that are twisted together; 1 for singles. It affects appearance only.
+    size : {"given", "draft", "assumed"}
+        Where the size of the yarns comes from; "assumed" if it is only a plausible default.
     """
 
     diameter: Lengths
@@ -87,6 +97,7 @@ class Threads:
     colors: NDArray[np.uint8] = field(default_factory=lambda: np.full((1, 3), 255, np.uint8))
     twist: Lengths | None = None
     plies: Lengths = 1.0
+    size: str = "given"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "diameter", _freeze(self.diameter))
@@ -96,6 +107,21 @@ class Threads:
     def shape(self) -> str:
         """The section; "circular" if the aspect is 1."""
         return self.section if self.aspect > 1.0 else "circular"
+
+    @property
+    def flat_aspect(self) -> float:
+        """Aspect of the racetrack on whose flat a yarn is crossed; 1 if there is no flat."""
+        return flat_aspect(self.shape, self.aspect)
+
+    @property
+    def has_flats(self) -> bool:
+        """Whether yarns have a flat on top, along which a crossing yarn is straight."""
+        return self.flat_aspect > 1.0
+
+    @property
+    def face_ratio(self) -> float:
+        """Radius of the arc on which a yarn is crossed, over its height."""
+        return face_ratio(self.shape, self.aspect)
 
     @property
     def mean_diameter(self) -> float:
@@ -123,7 +149,7 @@ class Threads:
         mean = self._neighbour_diameters()
         if mean.size == 0 or np.size(self.spacing) == 0:
             return np.empty(0), np.empty(0)
-        room = np.asarray(self.spacing) - (self.aspect - 1.0) * mean
+        room = np.asarray(self.spacing) - (self.flat_aspect - 1.0) * mean
         return np.atleast_1d(room), np.atleast_1d(mean)
 
     def select(self, which: Bools) -> Threads:
@@ -212,7 +238,7 @@ class Threads:
                 key=names("aspect", family),
                 value=self.aspect,
                 allowed="1" if round_ else "1 or more",
-                cure='Use the section "racetrack" or "elliptic" for flattened yarns'
+                cure='Use the section "lenticular" or "racetrack" for flattened yarns'
                 if round_
                 else "A section must be at least as wide as it is high",
             )
@@ -249,6 +275,16 @@ class Threads:
         """Compute mean diameters of neighbours: (n - 1,), or a scalar if all yarns are equal."""
         values = np.asarray(self.diameter)
         return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
+
+
+def flat_aspect(section: str, aspect: float) -> float:
+    """Return the aspect of the racetrack on whose flat a yarn is crossed; 1 if there is no flat."""
+    return 1.0 if section == "lenticular" else aspect
+
+
+def face_ratio(section: str, aspect: float) -> float:
+    """Return the radius of the arc on which a yarn is crossed, over its height."""
+    return face_radius(aspect) if section == "lenticular" else 0.5
 
 
 def repeat_values(values: Lengths | tuple[float, ...], count: int) -> Lengths:

@@ -17,6 +17,7 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.weave.lens import lens_area
 from spacemap_vtk.units import parse_quantity
 
 OneOrMany = TypeVar("OneOrMany", float, Floats)
@@ -103,7 +104,7 @@ def section_factor(aspect: float, section: str) -> float:
     ----------
     aspect : float
         Width over height.
-    section : {"circular", "racetrack", "elliptic"}
+    section : {"circular", "racetrack", "elliptic", "lenticular"}
         Shape of the section.
 
     Returns
@@ -116,6 +117,8 @@ def section_factor(aspect: float, section: str) -> float:
     >>> section_factor(1.0, "racetrack") == section_factor(1.0, "circular")
     True
     """
+    if section == "lenticular":
+        return lens_area(aspect)
     return pi / 4 * aspect if section == "elliptic" else pi / 4 + (aspect - 1.0)
 
 
