@@ -70,7 +70,7 @@ def surface_of(scene: Scene, seen: CameraView) -> PatchTessellator:
 
 
 def sides_of(stage: PatchTessellator, patches: np.ndarray, points: np.ndarray) -> np.ndarray:
-    sides, _, detail = stage.detail
+    sides, _, detail, _ = stage.detail
     return np.full(len(patches), sides) if detail is None else detail(points, patches)
 
 

@@ -217,8 +217,8 @@ class Picture:
         view, pieces = self.scene.view, self.pieces if options.fabric else None
         scene_view.show(frame, view, options, self._span, self._cut)
         self._set_clipping_range(window, pieces)
-        # The colours of a sheet include the contact shadows of its yarns.
-        has_shadows = has_shadows and (self.sheet is None or pieces is not None)
+        # The colours of cloth, as yarns or as a sheet, include the contact shadows of its yarns.
+        has_shadows = has_shadows and self.sheet is None and not scene_view.has_exposure
         has_overlays = scene_view.has_overlays
         # Signs and annotations are drawn after the solids have their shadows or all pieces.
         second_pass = pieces is not None or (has_shadows and has_overlays)
@@ -336,7 +336,7 @@ def _set_facets(
     """Return the level of detail for points in a view, and set the scene's facets to it."""
     scale = pixels_per_metre(view.camera, points, view.size[1])
     new_level = level.at_scale(cloth, scale, view.size)
-    choose_facets(scene.surface, new_level, view)
+    choose_facets(scene.surface, new_level, view, scene.view.yarn_look)
     return new_level
 
 

@@ -35,6 +35,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
 from spacemap_vtk.draw.annotate.annotations import Annotations
 from spacemap_vtk.draw.camera import camera_up_axis, set_background
 from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.filters.patch_tessellator import LOOK
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import View
@@ -249,6 +250,13 @@ class SceneView:
         shown = self._frame is not None
         return self._options.occlusion(self._view, self._span) if shown else 0.0
 
+    @property
+    def has_exposure(self) -> bool:
+        """Whether the surface itself is shaded where yarns touch, so that no shadows are added."""
+        frame = self._frame
+        surface = None if frame is None else frame.surface if frame.cloth is None else frame.yarns
+        return surface is not None and surface.GetPointData().HasArray(LOOK) == 1
+
     def include_shadows(self, on: bool) -> None:
         """Set whether the colours of a sheet include the contact shadows of its yarns."""
         self.has_shadows = on
@@ -319,7 +327,7 @@ class SceneView:
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:
         style, colors = (
-            self._view.resolved_style,
+            replace(self._view.resolved_style, occlusion=self.occlusion),
             (frame.color, self._view.object_color, self._span),
         )
         # Outlines in the shader need round edges; other surfaces get lines of `OutlineActor` only.

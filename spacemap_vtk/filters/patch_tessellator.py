@@ -30,13 +30,17 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
 from spacemap_vtk.parameters import Integer
+from spacemap_vtk.textile.geometry.exposure import ClothExposure
+from spacemap_vtk.textile.geometry.irregularity import Irregularity
 from spacemap_vtk.textile.geometry.plies import Strands
 from spacemap_vtk.textile.patches import bezier
 from spacemap_vtk.textile.patches.tessellation import Tessellation
-from spacemap_vtk.textile.weave.cloth import FAMILIES
+from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Point array for shading: the direction of the fibres.
 STRANDS = "strands"
+#: Point array for shading: exposure to light from all sides, and relative brightness of the yarn.
+LOOK = "look"
 #: Subdivisions if none are given and the size of a patch on the screen is unknown.
 AUTOMATIC_SIDES = 4
 #: Function that computes each patch's subdivisions from control points and patches; see
@@ -89,8 +93,11 @@ class PatchTessellator(Stage):
     _chosen: int = AUTOMATIC_SIDES
     _strands: bool = False
     _detail: Detail | None = None
+    _look: Irregularity | None = None
     _kept: _PreparedPatches | None = None
     _skin: SurfaceExtractor | None = None
+    #: Exposure of the last cloth, and the data that determine it: the pieces of a cloth share it.
+    _exposure: tuple[list[bytes | None], ClothExposure] | None = None
 
     @property
     def tessellation(self) -> Tessellation | None:
@@ -105,11 +112,17 @@ class PatchTessellator(Stage):
         return self.subdivisions or self._chosen
 
     @property
-    def detail(self) -> tuple[int, bool, Detail | None]:
+    def detail(self) -> tuple[int, bool, Detail | None, Irregularity | None]:
         """Arguments with which `set_detail` gives the same facets."""
-        return self._chosen, self._strands, self._detail
+        return self._chosen, self._strands, self._detail, self._look
 
-    def set_detail(self, sides: int, strands: bool = False, detail: Detail | None = None) -> None:
+    def set_detail(
+        self,
+        sides: int,
+        strands: bool = False,
+        detail: Detail | None = None,
+        look: Irregularity | None = None,
+    ) -> None:
         """Set the number of automatic subdivisions, and the data for shading.
 
         Parameters
@@ -122,11 +135,14 @@ class PatchTessellator(Stage):
         detail : callable, optional
             Computes the subdivisions of each patch, (P,), from the control points and the patches,
             (P, k), and replaces `sides`. Of two different results one must divide the other.
+        look : Irregularity, optional
+            For pictures: makes woven yarns irregular, and adds the array `LOOK`. By default the
+            surface is that of the patches, as for measurement and files.
         """
         changed = (sides, detail) != (self._chosen, self._detail) and self.subdivisions is None
-        if changed or strands != self._strands:
+        if changed or (strands, look) != (self._strands, self._look):
             self.Modified()
-        self._chosen, self._strands, self._detail = sides, strands, detail
+        self._chosen, self._strands, self._detail, self._look = sides, strands, detail, look
 
     def run(self, inputs: list[vtkPointSet], output: vtkPolyData, time: float) -> None:
         """Evaluate the patches at the present control points."""
@@ -152,7 +168,10 @@ class PatchTessellator(Stage):
         rational = given.GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
         strands = prepared.strands(grid)
-        surfaces = [group.evaluate(points_of(grid), weights, strands) for group in prepared.groups]
+        points = points_of(grid)
+        if strands is not None and self._look is not None and self._look.amount > 0.0:
+            points = strands.make_irregular(points, self._look)
+        surfaces = [group.evaluate(points, weights, strands) for group in prepared.groups]
         positions, normals = map(_concatenate, zip(*surfaces, strict=True))
         prepared.close_seams(positions)
         if strands is not None and self._strands:
@@ -179,6 +198,11 @@ class PatchTessellator(Stage):
             at_points.AddArray(to_array(values, array.GetName()))
         for array in _numeric_arrays(grid.GetCellData()):
             of_cells.AddArray(prepared.cell_array(array))
+        if strands is not None and self._look is not None:
+            moved = at_points.GetArray("displacement")
+            rest = positions if moved is None else positions - vtk_to_numpy(moved)
+            look = prepared.look(strands, rest, self._find_exposure(prepared), self._look)
+            at_points.AddArray(to_array(look, LOOK))
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
     def _drop_ghosts(self, output: vtkPolyData) -> None:
@@ -187,6 +211,13 @@ class PatchTessellator(Stage):
             output.RemoveGhostCells()
             for data in (output.GetCellData(), output.GetPointData()):
                 data.RemoveArray(vtkDataSetAttributes.GhostArrayName())
+
+    def _find_exposure(self, prepared: _PreparedPatches) -> ClothExposure:
+        key = prepared.strand_inputs[1:]
+        if self._exposure is None or self._exposure[0] != key:
+            assert prepared.cloth is not None
+            self._exposure = key, ClothExposure(prepared.cloth)
+        return self._exposure[1]
 
     def _prepare(self, grid: vtkUnstructuredGrid) -> _PreparedPatches:
         sides: int | AnyInts = self.sides
@@ -314,6 +345,18 @@ class _Group:
             view[:] = self.strands(whole).coordinates(self.numbers[which])
         return ways
 
+    def face_and_brightness(
+        self, whole: Strands, irregularity: Irregularity
+    ) -> tuple[AnyFloats, AnyFloats]:
+        """Return the face and the relative brightness of irregular yarns at these points."""
+        face, bright = np.empty((2, self.tessellation.point_count, 1), np.float32)
+        strands = self.strands(whole)
+        for which, *views in self.tessellation.views(face, bright):
+            numbers = self.numbers[which]
+            views[0][..., 0] = strands.face(numbers)
+            views[1][..., 0] = strands.relative_brightness(numbers, irregularity)
+        return face[:, 0], bright[:, 0]
+
 
 class _PreparedPatches:
     """Results that depend only on connectivity and subdivisions."""
@@ -354,8 +397,11 @@ class _PreparedPatches:
         self._seams = _find_seams(patches, self.groups) if len(self.groups) > 1 else []
         self.strand_inputs: list[bytes | None] = []
         self.places_state: tuple[vtkDataArray, int] | None = None
+        self.cloth: Cloth | None = None
         self.cloth_strands: Strands | None = None
         self.fibre_directions: vtkDataArray | None = None
+        #: Irregularity of the last result of `look`, and the arrays that it has at any time.
+        self.irregular: tuple[Irregularity, AnyFloats, AnyFloats] | None = None
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
         self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
@@ -389,13 +435,14 @@ class _PreparedPatches:
         inputs = _strand_inputs(grid)
         if inputs != self.strand_inputs:
             self.strand_inputs, self.cloth_strands, self.fibre_directions = inputs, None, None
+            self.irregular, self.cloth = None, None
             cloth = (
                 cloth_of(grid) if inputs[0] is not None and self.patches.shape[1] == 16 else None
             )
             if cloth is not None:
                 # Not possible for a part of a weave's patches.
                 with suppress(GeometryError):
-                    places = vtk_to_numpy(places)
+                    places, self.cloth = vtk_to_numpy(places), cloth
                     self.cloth_strands = Strands(self.patches, cloth, places, self.groups[0].sides)
         return self.cloth_strands
 
@@ -406,6 +453,21 @@ class _PreparedPatches:
                 _concatenate([g.coordinates(strands) for g in self.groups]), STRANDS
             )
         return self.fibre_directions
+
+    def look(
+        self,
+        strands: Strands,
+        rest: AnyFloats,
+        exposure: ClothExposure,
+        irregularity: Irregularity,
+    ) -> AnyFloats:
+        """Return exposure and relative brightness of points that are given at rest, (N, 2)."""
+        if self.irregular is None or self.irregular[0] != irregularity:
+            parts = [group.face_and_brightness(strands, irregularity) for group in self.groups]
+            face, bright = map(_concatenate, zip(*parts, strict=True))
+            self.irregular = irregularity, face, bright
+        _, face, bright = self.irregular
+        return np.stack([exposure.at(rest, face), bright], axis=1)
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
         """Return a point array as a cell array, if it has one integer for each patch."""
@@ -489,10 +551,11 @@ def _find_seams(patches: AnyInts, groups: Sequence[_Group]) -> list[_Seam]:
 
 
 def _strand_inputs(grid: vtkUnstructuredGrid) -> list[bytes | None]:
-    """Return the data that determine the strands of fibres and plies."""
+    """Return the places of yarns, and the data of their cloth, which determine their look."""
     field = grid.GetFieldData()
-    seen = (f"cloth_{family}_{key}" for family in FAMILIES for key in ("twist", "plies"))
-    arrays = (field.GetArray(name) for name in (PLACES, *seen))
+    names = (field.GetArrayName(number) for number in range(field.GetNumberOfArrays()))
+    cloth = sorted(name for name in names if name and name.startswith("cloth_"))
+    arrays = (field.GetArray(name) for name in (PLACES, *cloth))
     return [None if array is None else vtk_to_numpy(array).tobytes() for array in arrays]
 
 

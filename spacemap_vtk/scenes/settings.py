@@ -12,6 +12,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import STYLES, Style
+from spacemap_vtk.textile.geometry.irregularity import Irregularity
 
 #: Size of a picture if none is given.
 USUAL_SIZE = 1280, 960
@@ -163,14 +164,34 @@ class View(Parameterised):
     object_color = Color("#b9c4cf", "Colour of an object without colours of its own.")
     shadows = Flag(
         True,
-        "Draw soft shadows where yarns touch and in an object's folds; never on colours with a "
-        "scale.",
+        "Draw soft shadows where yarns touch and in an object's folds, and shade behind the holes "
+        "of closed cloth; never on colours with a scale.",
+    )
+    irregularity = Real(
+        None,
+        "How irregular woven yarns are drawn in position, width and brightness: 0 regular, 1 as "
+        "good yarns are. Figures, measurements and files are always those of regular yarns, and "
+        "so are colours with a scale.",
+        minimum=0.0,
+        maximum=2.0,
+        automatic="1 in the style studio, 0 in the others",
+    )
+    irregularity_seed = Integer(
+        0, "Number that selects one of many equally irregular cloths.", minimum=0, maximum=2**31
     )
     ground = Flag(
         False,
         "Draw a soft shadow on level ground at the height of the lowest visible point; the camera "
         "defines which way is up.",
     )
+
+    @property
+    def yarn_look(self) -> Irregularity:
+        """How irregular woven yarns are drawn."""
+        given, usual = self.irregularity, STYLES[self.style].irregularity
+        amount = usual if given is None else given
+        regular = COLORINGS[self.color].shows_numbers
+        return Irregularity(0.0 if regular else amount, self.irregularity_seed)
 
     @property
     def resolved_style(self) -> Style:

@@ -53,6 +53,8 @@ class Style:
     gloss_power: float = 8.0
     #: Light on protruding fibres at a yarn's rim.
     sheen: float = 0.0
+    #: Displayed value from which brighter ones approach 1 without reaching it; 1: none do.
+    knee: float = 1.0
     #: How much surfaces darken that face away from the camera, the same for all colours.
     facing: float = 0.0
     #: Share of the colour that stays; the rest is `tint` of the same brightness.
@@ -61,6 +63,8 @@ class Style:
     #: Depth of the contact shadows, and of the shadow on the ground.
     occlusion: float = 0.0
     shadow: float = 0.0
+    #: Irregularity of woven yarns, unless a scene gives it.
+    irregularity: float = 0.0
 
     @property
     def for_numbers(self) -> Style:
@@ -72,9 +76,11 @@ class Style:
             lamps=(),
             gloss=0.0,
             sheen=0.0,
+            knee=1.0,
             facing=0.6 if self.lamps else 0.0,
             colored=1.0,
             occlusion=0.0,
+            irregularity=0.0,
             # Without shadows, only lines show where yarns of one colour cross.
             outline=max(self.outline, 1.2),
             outline_color=(0, 0, 0) if self.lamps else self.outline_color,
@@ -99,11 +105,13 @@ STYLES = {
             Lamp((0.35, 0.7, -0.6), 0.12, (0.95, 0.97, 1.0)),
         ),
         wrap=0.25,
-        gloss=0.06,
-        gloss_power=12.0,
+        gloss=0.08,
+        gloss_power=8.0,
         sheen=0.16,
+        knee=0.7,
         occlusion=0.62,
         shadow=0.42,
+        irregularity=1.0,
     ),
     "paper": Style(
         "Paper",

@@ -246,8 +246,8 @@ class View3D(QWidget):
         if frame is None or self._held or self.steering or strength == 0.0:
             return
         self.scene_view.include_shadows(True)
-        # A sheet has the shadows in its colours.
-        folds = frame.cloth is None or frame.yarns is not None
+        # Cloth has the shadows in its colours.
+        folds = frame.cloth is None and not self.scene_view.has_exposure
         self.canvas.shade.set_shadows(frame.relief, strength if folds else 0.0)
 
     def _prepare_drawing(self) -> None:

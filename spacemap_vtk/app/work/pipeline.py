@@ -131,11 +131,12 @@ class Pipeline:
             drawn = sheet.deform_with(moved, coarse)
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
-            self._coarse_tessellator.set_detail(AUTOMATIC_SIDES, fibres)
+            look = scene.view.yarn_look
+            self._coarse_tessellator.set_detail(AUTOMATIC_SIDES, fibres, look=look)
             numbers = None if coarse or swing is not None else DrawnCloth.from_scene(scene)
             follows = numbers is not None and numbers.follows_camera
             detail = self._choose_detail(numbers, source, request) if numbers and follows else None
-            scene.surface.set_detail(AUTOMATIC_SIDES, fibres, detail)
+            scene.surface.set_detail(AUTOMATIC_SIDES, fibres, detail, look)
             if coarse or swing is not None:
                 surface = self._coarse_surface(scene, source, coarse) or surface
             if surface is self._coarse_tessellator:

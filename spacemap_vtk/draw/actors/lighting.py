@@ -14,14 +14,20 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.filters.patch_tessellator import LOOK, STRANDS
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.styles import Style
 
 #: Largest number of lamps of a style.
 _MAX_LAMPS = 3
 
+#: Vertex attribute with exposure and relative brightness.
+LOOK_ATTRIBUTE = "lookMC"
+
 #: GLSL functions that light a surface; `lighting_code` puts the constants before them.
+#: Share of the light from the walls of a gap that reaches its other walls.
+BOUNCE = 0.35
+
 _FUNCTIONS = """
 // Light that a surface reflects: rgb is multiplied by the surface's colour, alpha is white.
 vec4 reflectedLight(vec3 n, vec3 eye)
@@ -32,9 +38,19 @@ vec4 reflectedLight(vec3 n, vec3 eye)
   received += max(dot(n, towards2) + wrap, 0.0) * lamp2;
   float front = max(dot(n, eye), 0.0), aside = 1.0 - front, away = max(1.0 - front / 0.75, 0.0);
   received *= 1.0 - facing * away * away;
-  float white = gloss * pow(max(dot(n, halfway), 0.0), glossPower);
-  white += sheen * aside * aside * aside * received.g;
-  return vec4(received, white);
+  float rim = sheen * aside * aside * aside;
+  float white = gloss * pow(max(dot(n, halfway), 0.0), glossPower) + rim * received.g;
+  // What is reflected white is not reflected in colour.
+  return vec4(received * (1.0 - gloss - rim), white);
+}
+
+// Light on a surface that is exposed to a part of its surroundings. Bright walls reflect light to
+// one another, so that gaps between them are less dark, and keep their colour.
+vec4 shadedLight(vec4 light, float exposure, vec3 hue)
+{
+  float open = 1.0 - shadows * (1.0 - exposure);
+  open *= open;
+  return vec4(light.rgb * open / (1.0 - BOUNCE * hue * hue * (1.0 - open)), light.a * open);
 }
 
 // Colour in which the style shows a hue.
@@ -48,7 +64,11 @@ vec3 styleColor(vec3 hue)
 vec3 visibleColor(vec3 hue, vec4 light, float line)
 {
   vec3 base = styleColor(hue);
-  return mix(sqrt(base * base * light.rgb + light.a * mix(vec3(1.0), base, 0.4)), ink, line);
+  vec3 shown = sqrt(base * base * light.rgb + light.a * mix(vec3(1.0), base, 0.4));
+  // Bright colours keep their hue and their shades: what would be above 1 stays below it.
+  float most = max(max(shown.r, shown.g), shown.b), room = 1.0 - knee;
+  if (most > knee && room > 0.0) shown *= (knee + room * tanh((most - knee) / room)) / most;
+  return mix(shown, ink, line);
 }
 """
 
@@ -63,13 +83,14 @@ _LINE = """
     float front = dot(normalVCVSOutput, eye);
     float slope = length(vec2(dFdx(front), dFdy(front)));
     line = 1.0 - smoothstep(lineWidth - 0.7, lineWidth + 0.7, 0.5 * front / max(slope, 1e-6));
-    line *= 1.0 - smoothstep(rim, 1.1 * rim, front);
+    line *= 1.0 - smoothstep(rimCosine, 1.1 * rimCosine, front);
   }
 """
 #: Fragment shader code that replaces VTK's lights on a smooth surface.
 _FRAGMENT = f"""{_LINE}
-  vec4 light = reflectedLight(normalVCVSOutput, eye);
-  gl_FragData[0] = vec4(visibleColor(diffuseColor, light, line), opacity);
+  vec3 hue = diffuseColor * lookVSOutput.y;
+  vec4 light = shadedLight(reflectedLight(normalVCVSOutput, eye), lookVSOutput.x, hue);
+  gl_FragData[0] = vec4(visibleColor(hue, light, line), opacity);
 """
 
 
@@ -84,7 +105,7 @@ def lighting_code(style: Style, pixels_per_point: float = 1.0) -> str:
         x, y, z = map(float, triple)
         lines.append(f"const vec3 {key} = vec3({x!r}, {y!r}, {z!r});")
     lines += [f"const float {key} = {float(value)!r};" for key, value in numbers.items()]
-    return "\n".join(["", *lines, _FUNCTIONS])
+    return "\n".join(["", *lines, f"const float BOUNCE = {BOUNCE!r};", _FUNCTIONS])
 
 
 def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
@@ -107,11 +128,13 @@ def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, fl
         "sheen": style.sheen,
         "facing": style.facing,
         "colored": style.colored,
+        "shadows": style.occlusion,
+        "knee": style.knee,
         # Half the width of a line. `OutlineActor` draws the other half outside the silhouette.
         "lined": style.outline_far_share if style.outline else 0.0,
         "lineWidth": 0.5 * style.outline * point,
         # Cosine between normal and view at the largest distance of a line from the silhouette.
-        "rim": math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2),
+        "rimCosine": math.sqrt(1.0 - (1.0 - 2.0 * style.outline_share) ** 2),
     }
     return triples, numbers
 
@@ -123,17 +146,40 @@ def lighting_tables(style: Style, point: float) -> tuple[Floats, Floats]:
     triples, numbers = _constants(style, point)
     lamp_names = [f"{name}{k}" for name in ("towards", "lamp") for k in range(_MAX_LAMPS)]
     rows = [*lamp_names, "sky", "earth", "halfway", "dark", "pale", "ink"]
-    names = ("wrap", "gloss", "glossPower", "sheen", "facing", "colored", "lineWidth", "rim")
+    names = (
+        "wrap",
+        "gloss",
+        "glossPower",
+        "sheen",
+        "facing",
+        "colored",
+        "lineWidth",
+        "rimCosine",
+        "shadows",
+        "knee",
+    )
     return (
         np.array([triples[name] for name in rows], np.float64),
         np.array([numbers[name] for name in names], np.float64),
     )
 
 
-def set_lighting(actor: vtkActor, light: str) -> None:
+def set_lighting(actor: vtkActor, light: str, looks_of: vtkPolyDataMapper | None = None) -> None:
     """Light an actor in its fragment shader by the code that `lighting_code` returns."""
+    # `looks_of` is the mapper of a surface with the array LOOK; without, all of it is exposed.
     shader, declared = actor.GetShaderProperty(), "//VTK::Light::Dec"
-    shader.AddFragmentShaderReplacement(declared, True, declared + light, False)
+    look = "const vec2 lookVSOutput = vec2(1.0);\n"
+    if looks_of is not None:
+        points = vtkDataObject.FIELD_ASSOCIATION_POINTS
+        looks_of.MapDataArrayToVertexAttribute(LOOK_ATTRIBUTE, LOOK, points, -1)
+        tag, at = "//VTK::Clip::Dec", "//VTK::Clip::Impl"
+        vertex = f"{tag}\nin vec2 {LOOK_ATTRIBUTE};\nout vec2 lookVSOutput;\n"
+        shader.AddVertexShaderReplacement(tag, True, vertex, False)
+        shader.AddVertexShaderReplacement(
+            at, True, f"{at}\n  lookVSOutput = {LOOK_ATTRIBUTE};\n", False
+        )
+        look = "in vec2 lookVSOutput;\n"
+    shader.AddFragmentShaderReplacement(declared, True, declared + look + light, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
 
 
@@ -211,8 +257,9 @@ _LIT_FIBRES = f"""
       vec3 strands = {_OUT} + aside.x * byX + aside.y * byY;
       vec2 fibre = fibresAt(strands, widths.x), groove = grooveAt(strands.y, widths.y);
       vec3 bent = normalVCVSOutput + fibre.x * acrossFibres + groove.x * acrossPlies;
-      vec3 hue = diffuseColor * fibre.y * groove.y;
-      mean += visibleColor(hue, reflectedLight(normalize(bent), eye), line);
+      vec3 hue = diffuseColor * lookVSOutput.y * fibre.y * groove.y;
+      vec4 light = shadedLight(reflectedLight(normalize(bent), eye), lookVSOutput.x, hue);
+      mean += visibleColor(hue, light, line);
     }}
   }}
   gl_FragData[0] = vec4(mean / float(side * side), opacity);

@@ -17,12 +17,13 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkTextProp
 from spacemap_vtk.datasets.arrays import color_array_name, to_array
 from spacemap_vtk.draw.actors.color_values import COLOR_VALUES, round_ticks, scale_unit
 from spacemap_vtk.draw.actors.lighting import (
+    LOOK_ATTRIBUTE,
     lighting_code,
     set_fibre_samples,
     set_fibres,
     set_lighting,
 )
-from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.filters.patch_tessellator import LOOK, STRANDS
 from spacemap_vtk.ndarrays import Bytes
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.settings import is_dark
@@ -54,6 +55,8 @@ class Lighting(NamedTuple):
     has_faces: bool
     #: Whether fibres are shaded.
     fibres: bool
+    #: Whether points have an exposure and a relative brightness.
+    looks: bool
     style: Style
     #: Pixels per point, the unit of line widths.
     pixels_per_point: float
@@ -134,13 +137,15 @@ class SurfaceActor(vtkActor):
         # Fibres need a style with sheen: styles with outlines draw smooth yarns, and the style for
         # numbers shows no fibres that could change the colours.
         fibres = style.sheen > 0.0 and surface.GetPointData().HasArray(STRANDS) == 1
-        self.lighting = Lighting(has_faces, fibres, style, pixels_per_point)
-        shader_key = has_faces, fibres, lighting_code(style, pixels_per_point)
+        looks = has_faces and surface.GetPointData().HasArray(LOOK) == 1
+        self.lighting = Lighting(has_faces, fibres, looks, style, pixels_per_point)
+        shader_key = has_faces, fibres, looks, lighting_code(style, pixels_per_point)
         if shader_key != self._shader_key:
             self._shader_key = shader_key
             self.GetShaderProperty().ClearAllShaderReplacements()
+            self._mapper.RemoveVertexAttributeMapping(LOOK_ATTRIBUTE)
             if has_faces:
-                set_lighting(self, shader_key[2])
+                set_lighting(self, shader_key[3], self._mapper if looks else None)
             set_fibres(self, self._mapper, fibres, self._samples > 0)
             if fibres and self._samples:
                 set_fibre_samples(self, self._samples)

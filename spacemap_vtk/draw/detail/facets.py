@@ -17,6 +17,7 @@ from spacemap_vtk.draw.camera import CameraView, pixels_per_metre_at_focus, proj
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bools, Floats, Ints
 from spacemap_vtk.scenes.level_of_detail import LEAST_SIDES, LevelOfDetail
+from spacemap_vtk.textile.geometry.irregularity import Irregularity
 from spacemap_vtk.textile.geometry.plies import outline_curvature
 from spacemap_vtk.textile.patches.bezier import quadrilateral_order
 
@@ -95,10 +96,15 @@ class FacetChooser:
         return visible, w[patches[visible]].min(axis=1, initial=np.inf) / _BEYOND
 
 
-def choose_facets(stage: PatchTessellator, level: LevelOfDetail, view: CameraView) -> None:
+def choose_facets(
+    stage: PatchTessellator,
+    level: LevelOfDetail,
+    view: CameraView,
+    look: Irregularity | None = None,
+) -> None:
     """Set the subdivisions of a stage to those of a level of detail, for a view."""
     facets = FacetChooser(view, level.sides, level.near_quads, level.plies)
-    stage.set_detail(level.sides, level.fibres, facets if level.near_quads else None)
+    stage.set_detail(level.sides, level.fibres, facets if level.near_quads else None, look)
 
 
 def coarse_scale(plies: int, points: AnyFloats, patches: AnyInts) -> float:

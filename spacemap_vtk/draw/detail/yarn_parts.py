@@ -161,9 +161,10 @@ class NearYarns:
         if self.part is not None:
             self._parts.use_crossings(sheet.crimp_stage, yarns_of_cells(sheet, *self.part))
         self._parts.use_color_array()
-        choose_facets(
-            self._parts.surface, choose_near(cloth, scale, self._patches, view.size), view
-        )
+        look = self._scene.view.yarn_look
+        level = choose_near(cloth, scale, self._patches, view.size)
+        choose_facets(self._parts.surface, level, view, look)
+        self._preview.set_detail(1, look=look)
         if cage is not None and self._cage != (cage, cage.GetMTime()):
             self._cage = cage, cage.GetMTime()
             self._parts.set_cage(cage)

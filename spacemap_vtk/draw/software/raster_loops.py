@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.draw.actors.lighting import BOUNCE
 from spacemap_vtk.ndarrays import Floats, Singles
 from spacemap_vtk.parallel import compile_function
 
@@ -169,8 +170,21 @@ def reflected_light(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
     facing_factor = 1.0 - facing * away * away
     red, green, blue = red * facing_factor, green * facing_factor, blue * facing_factor
     white = gloss * max(_dot(n, triples[8]), 0.0) ** power if gloss > 0.0 else 0.0
-    white += sheen * aside * aside * aside * green
-    return red, green, blue, white
+    rim = sheen * aside * aside * aside
+    white += rim * green
+    colored = 1.0 - gloss - rim
+    return red * colored, green * colored, blue * colored, white
+
+
+@compile_function
+def _shaded_light(light: Any, open_: float, hue: Any) -> Any:
+    """Return the light on a surface of which a share of the surroundings is open."""
+    return (
+        light[0] * open_ / (1.0 - BOUNCE * hue[0] * hue[0] * (1.0 - open_)),
+        light[1] * open_ / (1.0 - BOUNCE * hue[1] * hue[1] * (1.0 - open_)),
+        light[2] * open_ / (1.0 - BOUNCE * hue[2] * hue[2] * (1.0 - open_)),
+        light[3] * open_,
+    )
 
 
 @compile_function
@@ -178,13 +192,19 @@ def visible_color(
     triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, out: Any
 ) -> None:
     """Write the visible colour of a hue under a light; `line` is the coverage by an outline."""
-    colored = numbers[5]
+    colored, knee = numbers[5], numbers[9]
+    room, most = 1.0 - knee, 0.0
     grey = 0.299 * hue[0] + 0.587 * hue[1] + 0.114 * hue[2]
     for k in range(3):
         tint = triples[9, k] + (triples[10, k] - triples[9, k]) * grey
         base = tint + (hue[k] - tint) * colored
-        shown = math.sqrt(max(base * base * light[k] + light[3] * (1.0 + 0.4 * (base - 1.0)), 0.0))
-        out[k] = shown + (triples[11, k] - shown) * line
+        out[k] = math.sqrt(max(base * base * light[k] + light[3] * (1.0 + 0.4 * (base - 1.0)), 0.0))
+        most = max(most, out[k])
+    scale = 1.0
+    if most > knee and room > 0.0:
+        scale = (knee + room * math.tanh((most - knee) / room)) / most
+    for k in range(3):
+        out[k] = scale * out[k] + (triples[11, k] - scale * out[k]) * line
 
 
 @compile_function
@@ -243,6 +263,7 @@ def shade(
     places: Floats,
     normals: Floats,
     strands: Singles,
+    looks: Singles,
     colors: Singles,
     cells: NDArray[Any],
     mode: int,
@@ -255,7 +276,8 @@ def shade(
 ) -> None:
     """Write the colour of each covered pixel, in rows from `top` on."""
     # Colours belong to vertices. If `cells` is not empty, it contains the index of each triangle's
-    # colour instead. Empty `normals` mean flat facets, empty `strands` smooth yarns. Where a shader
+    # colour instead. Empty `normals` mean flat facets, empty `strands` smooth yarns, empty `looks`
+    # full exposure. Where a shader
     # uses differences between neighbouring pixels, this function uses differences over `grain`
     # pixels.
     pixel = np.zeros(3)
@@ -322,6 +344,11 @@ def shade(
                     line = 1.0 - _smoothstep(width - 0.7, width + 0.7, edge)
                     line *= 1.0 - _smoothstep(numbers[7], 1.1 * numbers[7], front)
             light = reflected_light(triples, numbers, n, eye)
+            if len(looks):
+                exposed = w[0] * looks[a, 0] + w[1] * looks[b, 0] + w[2] * looks[c, 0]
+                bright = w[0] * looks[a, 1] + w[1] * looks[b, 1] + w[2] * looks[c, 1]
+                hue = hue[0] * bright, hue[1] * bright, hue[2] * bright
+                light = _shaded_light(light, (1.0 - numbers[8] * (1.0 - exposed)) ** 2, hue)
             visible_color(triples, numbers, hue, light, line, pixel)
             for k in range(3):
                 out[row, column, k] = min(max(pixel[k], 0.0), 1.0)

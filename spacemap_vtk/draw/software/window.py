@@ -43,7 +43,7 @@ from spacemap_vtk.draw.actors.lighting import lighting_tables
 from spacemap_vtk.draw.actors.sheet_actor import SheetActor
 from spacemap_vtk.draw.actors.surface_actor import SurfaceActor
 from spacemap_vtk.draw.camera import LIGHTS, add_lights
-from spacemap_vtk.filters.patch_tessellator import STRANDS
+from spacemap_vtk.filters.patch_tessellator import LOOK, STRANDS
 from spacemap_vtk.ndarrays import Bytes, Floats, Ints, Singles
 from spacemap_vtk.parallel import for_each, thread_count
 
@@ -76,6 +76,7 @@ class _Light(NamedTuple):
 _NO_CELLS = np.zeros(0, np.int64)
 _NO_NORMALS = np.zeros((0, 3))
 _NO_STRANDS = np.zeros((0, 3), np.float32)
+_NO_LOOKS = np.zeros((0, 2), np.float32)
 
 
 class _Shape(NamedTuple):
@@ -92,6 +93,7 @@ class _Shape(NamedTuple):
     cells: Ints = _NO_CELLS
     normals: Floats = _NO_NORMALS
     strands: Singles = _NO_STRANDS
+    looks: Singles = _NO_LOOKS
     #: `ALL`, `BACK` or `FRONT` of `spacemap_vtk.draw.software.raster_loops`.
     cull: int = 0
     #: x, y, depth and reciprocal distance of triangles that were made in screen coordinates. Their
@@ -204,7 +206,7 @@ class SoftwareWindow:
                 normals @ view.to_camera[:3, :3].T,
             )
         places = view.camera_coordinates(shape.points)
-        tables = normals, shape.strands, shape.colors, shape.cells
+        tables = normals, shape.strands, shape.looks, shape.colors, shape.cells
 
         def draw(rows: slice) -> None:
             depth, drawn = self._depths[rows], self._drawn[rows]
@@ -465,14 +467,14 @@ def _colors(actor: vtkActor, data: vtkPolyData) -> tuple[Singles, bool]:
 def _unlit() -> _Light:
     from spacemap_vtk.draw.software.raster_loops import UNLIT
 
-    return _Light(UNLIT, np.zeros((12, 3)), np.zeros(8))
+    return _Light(UNLIT, np.zeros((12, 3)), np.zeros(10))
 
 
 def _plain_light(ambient: float) -> _Light:
     """Return the light of `spacemap_vtk.draw.camera.LIGHTS`, as VTK computes it."""
     from spacemap_vtk.draw.software.raster_loops import PLAIN
 
-    triples, numbers = np.zeros((12, 3)), np.zeros(8)
+    triples, numbers = np.zeros((12, 3)), np.zeros(10)
     numbers[0] = ambient
     for number, (place, strength, color) in enumerate(LIGHTS):
         triples[number] = np.array(place) / np.linalg.norm(place)
@@ -490,13 +492,15 @@ def _surface_shape(
     cells = before + np.arange(len(corners)) if of_cells else _NO_CELLS
     properties, normal_array = actor.GetProperty(), data.GetPointData().GetNormals()
     normals = _NO_NORMALS if normal_array is None else vtk_to_numpy(normal_array).astype(np.float64)
-    strands, light = _NO_STRANDS, _unlit()
+    strands, looks, light = _NO_STRANDS, _NO_LOOKS, _unlit()
     if isinstance(actor, SurfaceActor) and actor.lighting is not None and actor.lighting.has_faces:
         light = _Light(
             STYLED, *lighting_tables(actor.lighting.style, actor.lighting.pixels_per_point)
         )
         if actor.lighting.fibres:
             strands = vtk_to_numpy(data.GetPointData().GetArray(STRANDS))
+        if actor.lighting.looks:
+            looks = vtk_to_numpy(data.GetPointData().GetArray(LOOK))
     elif properties.GetLighting():
         light = _plain_light(properties.GetAmbient())
     shape = _Shape(
@@ -507,6 +511,7 @@ def _surface_shape(
         cells,
         normals,
         np.ascontiguousarray(strands, np.float32),
+        np.ascontiguousarray(looks, np.float32),
         properties.GetBackfaceCulling() + 2 * properties.GetFrontfaceCulling(),
     )
     texture, texels = actor.GetTexture(), data.GetPointData().GetTCoords()

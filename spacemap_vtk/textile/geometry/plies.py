@@ -25,7 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints
+from spacemap_vtk.textile.geometry.irregularity import (
+    Irregularity,
+    YarnPlaces,
+    lateral_changes,
+    relative_brightness,
+)
 from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.patches.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -143,6 +149,10 @@ class Strands:
         turns, plies, diameter = (values[yarn] for values in cloth.strands)
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
+        self._number = places[:, 3].astype(np.int64)
+        #: Spacing of each part's family, of the crossing one, and room beside the yarn over width.
+        families = [(f.spacing, f.crossed, f.spacing / f.width - 1.0) for f in cloth.families]
+        self._lengths = np.array(families)[own].T
         # Looms do not align bobbins, so plies of neighbouring yarns begin at different phases.
         begin = turns * places[:, 0] + PHASE_STEP * places[:, 3]
         self._turned = begin - np.floor(begin), turns * self._along[1]
@@ -230,6 +240,104 @@ class Strands:
         u, v = self._u[:, None], self._v[:, None]
         return begin + v * span, turned + u * more, along + u * further
 
+    def face(self, which: Ints) -> Floats:
+        """Compute on which face of the cloth the samples of some patches lie.
+
+        Parameters
+        ----------
+        which : ndarray of int
+            Numbers of patches, in ascending order.
+
+        Returns
+        -------
+        ndarray of float, shape (samples, patches)
+            1 on the top of a yarn, -1 below, 0 on its sides and on patches that close it.
+        """
+        found = np.zeros((len(self._u), len(which)))
+        tubes = int(np.searchsorted(which, self.tube_count))
+        begin, span = self._phi[:, which[:tubes]]
+        found[:, :tubes] = np.cos(2.0 * pi * (begin + self._v[:, None] * span))
+        return found
+
+    def relative_brightness(self, which: Ints, irregularity: Irregularity) -> Floats:
+        """Compute the brightness of irregular yarns at the samples of some patches, about 1.
+
+        Parameters
+        ----------
+        which : ndarray of int
+            Numbers of patches, in ascending order.
+        irregularity : Irregularity
+            Amount and seed.
+
+        Returns
+        -------
+        ndarray of float, shape (samples, patches)
+            1 for regular yarns.
+        """
+        parts, of_part = np.unique(self._part[which], return_inverse=True)
+        line = self._u[: len(self._curve[0])]
+        made = relative_brightness(irregularity, self._places(parts, line))
+        found = made.T[np.arange(len(self._u)) % len(line)][:, of_part]
+        ends = which >= self.tube_count
+        if ends.any():  # all of a cap has the brightness of its end
+            last = self._ring[which[ends] - self.tube_count] > 0
+            found[:, ends] = np.where(last, *(made.T[k, of_part[ends]] for k in (-1, 0)))
+        return found
+
+    def make_irregular(self, points: NDArray[Any], irregularity: Irregularity) -> NDArray[Any]:
+        """Move control points so that the yarns are irregular in position and width.
+
+        Parameters
+        ----------
+        points : ndarray of float, shape (N, 3)
+            Control points, wherever they have been moved.
+        irregularity : Irregularity
+            Amount and seed.
+
+        Returns
+        -------
+        ndarray of float, shape (N, 3)
+            Moved along the sides of the sections, so that yarns keep their heights and contacts.
+        """
+        moved = np.array(points)
+        shift, widening = lateral_changes(
+            irregularity, self._places(np.arange(len(self._number)), np.arange(4) / 3.0)
+        )
+        frames = np.empty((2, len(self._number), 4, 3))
+        for count in np.unique(self._around):
+            some = np.flatnonzero(self._around == count)
+            rings = self._rings(some, int(count))
+            there = points[rings].astype(np.float64)
+            middle, _, side = ring_frames(there)
+            side /= np.linalg.norm(side, axis=-1, keepdims=True)
+            frames[:, some] = middle, side
+            across = ((there - middle[..., None, :]) * side[..., None, :]).sum(axis=-1)
+            change = shift[some][..., None] + widening[some][..., None] * across
+            moved[rings] = there + change[..., None] * side[..., None, :]
+        closing = self._net[self.tube_count :].reshape(-1, 16)
+        if len(closing):
+            part = self._part[self.tube_count :], self._ring
+            new = closing > self._net[: self.tube_count].max()
+            middle, side = (each[part][:, None] for each in frames)
+            there = points[closing].astype(np.float64)
+            across = ((there - middle) * side).sum(axis=-1)
+            change = shift[part][:, None] + widening[part][:, None] * across
+            moved[closing[new]] = (there + change[..., None] * side)[new]
+        return moved
+
+    def _places(self, parts: Ints, fractions: AnyFloats) -> YarnPlaces:
+        """Return the places at fractions of parts, (parts, fractions)."""
+        begin, length = (each[parts, None] for each in self._along)
+        along = begin + length * fractions
+        columns = self._number[parts], *(each[parts] for each in self._lengths)
+        yarn, *lengths = (np.broadcast_to(each[:, None], along.shape) for each in columns)
+        return YarnPlaces(yarn, along, *lengths)
+
+    def _rings(self, parts: Ints, count: int) -> Ints:
+        """Return the control points of the four rings of parts, (parts, 4, points of a ring)."""
+        ring = self._net[self._first[parts, None] + np.arange(count)][:, :, :3]
+        return np.moveaxis(ring, 3, 1).reshape(len(parts), 4, -1)
+
     def shape_plies(
         self,
         points: NDArray[Any],
@@ -252,9 +360,8 @@ class Strands:
         middle, top, side = np.empty((3, len(self._around), 4, 3))
         for count in np.unique(self._around):
             some = np.flatnonzero(self._around == count)
-            ring = self._net[self._first[some, None] + np.arange(count)][:, :, :3]
-            ring = np.moveaxis(ring, 3, 1).reshape(len(some), 4, -1)
-            middle[some], top[some], side[some] = ring_frames(points[ring].astype(np.float64))
+            rings = points[self._rings(some, int(count))].astype(np.float64)
+            middle[some], top[some], side[some] = ring_frames(rings)
         for which, surface, across in views:
             stop = int(np.searchsorted(which, self.tube_count))
             plied = self._plies[self._part[which]] > 1
