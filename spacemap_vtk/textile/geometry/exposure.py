@@ -26,6 +26,8 @@ SCALES = ((0.4, 0.6, 0.75), (1.1, 0.45, 0.6))
 _SAMPLES = 12
 #: Largest number of samples of the whole cloth.
 _MOST_SAMPLES = 3_000_000
+#: Share of a step by which samples are off round places.
+_OFF_EDGES = 0.37
 #: Samples on each part of an axis.
 _OF_PART = 4
 
@@ -46,10 +48,10 @@ class ClothExposure:
         self._lines, height = [], 0.5 * cloth.diameter_sum
         for yarns, family in zip(cloth.yarns, cloth.families, strict=True):
             ends, margin = yarns.position[[0, -1]], max(family.width, 2.5 * height)
-            # A crop of the cloth has the same samples as the whole.
+            # A crop of the cloth has the same samples as the whole; none is exactly at an edge.
             step = family.spacing / count
             first, last = np.floor((ends[0] - margin) / step), np.ceil((ends[1] + margin) / step)
-            self._lines.append(step * np.arange(first, last + 1.0))
+            self._lines.append(step * (np.arange(first, last + 1.0) + _OFF_EDGES))
         top, bottom = _face_heights(cloth, self._lines)
         floor, ceiling = bottom.min(), top.max()
         faces = [np.maximum(top, floor), -np.minimum(bottom, ceiling)]
