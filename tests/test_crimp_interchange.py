@@ -45,7 +45,16 @@ WEAVES: dict[str, dict[str, Any]] = {
         "warp_aspect": 1.3,
         "warp_spacing": "0.6 mm",
     },
-    "draft": {"draft": DRAFT},
+    "lens": {
+        "pattern": "twill 2/1",
+        "warp_section": "lenticular",
+        "warp_diameter": "0.14 mm",
+        "warp_aspect": 2.2,
+        "weft_section": "lenticular",
+        "weft_diameter": "0.15 mm",
+        "weft_aspect": 2.0,
+    },
+    "draft": {"draft": DRAFT, "thick_yarns": "scale"},
 }
 #: Pulled and pressed, turned and sheared.
 SHEARED = np.array([[1.01, 0.15, 0.0], [-0.12, 1.02, 0.1], [0.05, -0.2, 0.8]])

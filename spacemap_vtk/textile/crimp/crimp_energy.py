@@ -2,16 +2,20 @@
 
 The unknowns are Peirce's two angles. The energy is smooth in them, also at jams, where a height is
 below its maximum by the square of the amount by which its angle is. Heights and D, twice the
-distance of the axes, follow in closed form and are linear in the rooms p. With S and C for sine and
-cosine, r = 1 - C and m = 1 - r1 r2
+distance of the axes, follow in closed form and are linear in the rooms p. The two arcs of a gap
+have radii with the sum k D: k is 1 for round yarns and larger where a lens is crossed. With S and C
+for sine and cosine, r = 1 - C,
 
-    h1 = (p1 S1 - r1 p2 S2) / m,  D = h1 + h2,  s1 = p1 C1 - h2 S1,  l1 = D theta1 + s1
+    m = C1 C2 + k1 r1 C2 + k2 r2 C1,  e1 = (1 - k1) C2 + k2 r2
+    D = (p1 S1 C2 + p2 S2 C1) / m,  s1 = (p1 - k1 D S1) / C1,  h1 = k1 D r1 + s1 S1
+    l1 = k1 D theta1 + s1
 
 and the same with 1 and 2 exchanged. With w = s / m,
 
     dD = w1 C2 dtheta1 + w2 C1 dtheta2
-    dl1 = w1 (theta1 C2 + S1 r2) dtheta1 + w2 (theta1 C1 - S1) dtheta2
-    m dw1 = (2 S1 r2 w1 - D) dtheta1 + (r1 S2 w1 - S1 w2) dtheta2
+    dl1 = w1 (k1 theta1 C2 + S1 e1) dtheta1 + w2 k1 (theta1 C1 - S1) dtheta2
+    ds1 = (S1 e1 w1 - k1 D) dtheta1 - k1 S1 w2 dtheta2
+    m dw1 = (2 S1 e1 w1 - k1 D) dtheta1 + (e2 S2 w1 - k1 S1 w2) dtheta2
 
 Arrays have the families first, (2, n): the gap of the warp over picks, that of the weft over ends.
 """
@@ -73,6 +77,8 @@ class CrimpEnergy(NamedTuple):
     """(2, n) Angles at rest."""
     full: Floats
     """(n,) D at rest."""
+    arcs: Floats
+    """(2, n) Sum of the radii of a gap's arcs over D."""
 
     def without_pull(
         self, theta: Floats, distance: Floats
@@ -137,28 +143,32 @@ def angle_derivatives(
 ) -> AngleDerivatives:
     """Compute the energy and its derivatives by the angles."""
     # Arrays are reused in place, because allocating new ones costs as much as the arithmetic.
-    theta, s, over, sin, cos, half = solve_gaps(room, heights, distance)
+    arcs = energy.arcs
+    theta, s, over, sin, cos, half = solve_gaps(room, heights, arcs * distance)
     over -= length
-    bow, cross = 1.0 - cos, cos[::-1]
-    both = 1.0 - bow[0] * bow[1]
+    cross = cos[::-1]
+    lift, both = _lift(arcs, cos)
     weight = s / both
     stiff = energy.tension * (over > 0.0)
     force = stiff * over
     value, free, steep, moment = energy.without_pull(theta, distance)
     value += 0.5 * (force[0] * over[0] + force[1] * over[1])
     free = free - press
-    aside = bow[::-1] * sin
-    turn, own, other = weight * cross, theta * cross, theta * cos
+    aside = lift * sin
+    turn, own, other = weight * cross, arcs * theta * cross, theta * cos
     own += aside
     other -= sin
+    other *= arcs
     slope = force * own
     slope += (force * other)[::-1]
     slope += free * cross
-    mixed = (bow[0] * sin[1] * weight[0] - sin[0] * weight[1]) / both * slope[0]
-    mixed -= weight[0] * sin[1] * (force[0] * (theta[0] - sin[0]) + force[1] * theta[1] + free)
+    mixed = (lift[1] * sin[1] * weight[0] - arcs[0] * sin[0] * weight[1]) / both * slope[0]
+    bent = force * arcs * theta
+    bent[0] -= force[0] * sin[0] * (arcs[0] + arcs[1] - 1.0)
+    mixed -= weight[0] * sin[1] * (bent[0] + bent[1] + free)
     square = aside
     square *= 2.0 * weight
-    square -= distance
+    square -= arcs * distance
     square *= slope / both
     slope *= weight
     own *= weight
@@ -182,6 +192,13 @@ def angle_derivatives(
     return AngleDerivatives(value, theta, half, s, over, own, other, turn, slope, curve)
 
 
+def _lift(arcs: Floats, cos: Floats) -> tuple[Floats, Floats]:
+    """Compute e (2, n) and m (n,) of the module's formulas."""
+    bow, cross = arcs * (1.0 - cos), cos[::-1]
+    lift = (1.0 - arcs) * cross + bow[::-1]
+    return lift, cos[0] * cos[1] + bow[0] * cos[1] + bow[1] * cos[0]
+
+
 def yarn_forces(
     energy: CrimpEnergy,
     room: Floats,
@@ -191,7 +208,7 @@ def yarn_forces(
     along: tuple[Floats, Floats],
 ) -> Floats:
     """Compute the forces, (2, n), as derivatives at given heights, without the push of jams."""
-    gap = solve_gaps(room, heights, distance)
+    gap = solve_gaps(room, heights, energy.arcs * distance)
     force = energy.tension * np.maximum(gap.length - length, 0.0)
     moment = energy.without_pull(gap.theta, distance)[-1]
     lean = gap.sin / np.maximum(gap.straight, _SLIVER * distance)
@@ -214,8 +231,8 @@ def energy_derivatives(
     now = angle_derivatives(energy, room, length, heights, distance)
     # Push of a jam into which bending turns a yarn.
     jammed = (now.straight < _JAMMED * distance) & (now.slope < -little)
-    push = np.where(jammed, -now.slope / distance, 0.0)
-    turned = (push * np.tan(now.theta))[::-1] * now.turn
+    push = np.where(jammed, -now.slope / (energy.arcs * distance), 0.0)
+    turned = (push * energy.arcs * np.tan(now.theta))[::-1] * now.turn
     press = now._replace(slope=np.where(jammed, 0.0, now.slope) + turned).press()
     # Where D is pressed against a bound it does not follow the stretch. At rest nothing presses,
     # and D follows everywhere.
@@ -233,20 +250,21 @@ def energy_derivatives(
     # At given angles lengths are linear in the rooms. Arrays are (2, stretches, n), and each
     # stretch changes the room of one yarn.
     theta, sin, cos = (one[:, None] for one in (now.theta, np.sin(now.theta), np.cos(now.theta)))
-    bow, cross = 1.0 - cos, cos[::-1]
-    both = 1.0 - bow[0] * bow[1]
+    arcs, cross = energy.arcs[:, None], cos[::-1]
+    lift, both = _lift(arcs, cos)
     rooms, more = np.zeros((2, *room.shape)), np.zeros((2, *room.shape))
     rooms[[0, 1], [0, 1]], more[[0, 1], [0, 1]] = along
     rise = rooms * sin
-    height = (rise - bow * rise[::-1]) / both
-    straight = rooms * cos - height[::-1] * sin
-    wider, weight = height.sum(axis=0), straight / both
-    longer = wider * theta + straight + more
+    wider = (rise * cross).sum(axis=0) / both
+    straight = rooms * (lift + arcs * cos * cross) - arcs * sin * rise[::-1]
+    straight /= both
+    weight = straight / both
+    longer = arcs * wider * theta + straight + more
     force = force[:, None]
     slope = (force * longer - push[:, None] * straight).sum(axis=0) + free * wider
     tangent = np.einsum("in,ikn,iln->kln", pull, longer, longer) + steep * wider * wider[:, None]
-    mixed = weight * (force * (theta * cross + bow[::-1] * sin) + free * cross)
-    mixed += weight * (force * (theta * cos - sin))[::-1]
+    mixed = weight * (force * (arcs * theta * cross + lift * sin) + free * cross)
+    mixed += weight * (force * arcs * (theta * cos - sin))[::-1]
     mixed += (pull * now.own)[:, None] * longer + ((pull * now.other)[:, None] * longer)[::-1]
     mixed += (steep * now.turn - moment / distance)[:, None] * wider
     # The angles follow the stretch, except those of straight yarns that are pressed. D stays where
@@ -300,17 +318,17 @@ def minimise_energy(
     live: Ints = np.arange(len(low))
     noise = 1e-18 * (energy.tension * length**2 + energy.hinge / energy.full).sum(axis=0)
     d = np.clip(distance, low, high)
-    top = jam_height(room, d)
+    top = jam_height(room, energy.arcs * d)
     # Where both yarns are jammed, only a smaller D makes room.
     if (tight := top[0] + top[1] < 1.001 * d).any():
         d = np.where(tight, d - 0.1 * (d - low), d)
-        top = jam_height(room, d)
+        top = jam_height(room, energy.arcs * d)
     inside = _JAM_MARGIN * (top[0] + top[1] - d)
     h = np.clip(height, d - top[1] + inside, top[0] - inside)
     heights, press, state, moves = np.stack([h, d - h]), np.zeros_like(d), None, _FIRST_MOVE * d
     for _ in range(100):
         now = angle_derivatives(energy, room, length, heights, d, press)
-        step, press, first, over = _newton_step(energy.tension, now, d, press, low, high)
+        step, press, first, over = _newton_step(energy, now, d, press, low, high)
         part = np.ones_like(d) if state is None else np.minimum(3.0 * state.part, 1.0)
         trial = _NewtonState(
             heights, d, top, now.value, now.half, now.turn, step, press, first, part, moves
@@ -322,7 +340,7 @@ def minimise_energy(
                     new[..., worse] = old[..., worse]
                 part[worse] /= 3.0
         state = trial
-        heights, d, top = _apply_step(room, state, low, high)
+        heights, d, top = _apply_step(room, energy.arcs, state, low, high)
         moves = np.maximum(np.abs(heights[0] - state.heights[0]), np.abs(d - state.distance))
         # Steps that keep shrinking at the rate of this one would move less than the tolerance.
         done = (moves * moves <= _TOLERANCE * d * state.moves) & (part > 0.9)
@@ -347,11 +365,11 @@ def minimise_energy(
 
 
 def _newton_step(
-    tension: Floats, now: AngleDerivatives, d: Floats, press: Floats, low: Floats, high: Floats
+    energy: CrimpEnergy, now: AngleDerivatives, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Bools, Floats]:
     """Compute Newton's step, the press on D, whether the warp leads, and `over` after the step."""
     taut = now.over > 0.0
-    step, press, first, over = _bounded_step(now, d, press, low, high)
+    step, press, first, over = _bounded_step(energy.arcs, now, d, press, low, high)
     # A yarn that becomes taut in the step counts as taut from the start of the step.
     new = (over > 0.0) > taut
     for _ in range(2):
@@ -361,9 +379,9 @@ def _newton_step(
         taut[:, which] |= new[:, which]
         arguments = (one.take(which, axis=-1) for one in (d, press, low, high))
         pushed = select_crossings(now, which).add_pull(
-            tension[:, which] * (taut & (now.over <= 0.0))[:, which]
+            energy.tension[:, which] * (taut & (now.over <= 0.0))[:, which]
         )
-        found = _bounded_step(pushed, *arguments)
+        found = _bounded_step(energy.arcs[:, which], pushed, *arguments)
         step[:, which], press[which], first[which], over[:, which] = found
         new = (over > 0.0) > taut
     size = np.maximum(np.abs(step[0]), np.abs(step[1]))
@@ -371,7 +389,7 @@ def _newton_step(
 
 
 def _bounded_step(
-    now: AngleDerivatives, d: Floats, press: Floats, low: Floats, high: Floats
+    arcs: Floats, now: AngleDerivatives, d: Floats, press: Floats, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Bools, Floats]:
     """Compute the results of `_newton_step` for yarns that stay as taut or slack as they are."""
     (a, b, c), slope, turn = now.curve, now.slope, now.turn
@@ -398,13 +416,14 @@ def _bounded_step(
         arguments = (
             one.take(ends, axis=-1) for one in (np.stack([a, b, c]), step, d, press, low, high)
         )
-        past, *found = _end_step_at_limit(select_crossings(now, ends), *arguments)
+        past, *found = _end_step_at_limit(arcs[:, ends], select_crossings(now, ends), *arguments)
         for array, value in zip((step, more, first), found, strict=True):
             array[..., ends[past]] = value[..., past]
     return step, more, first, now.over + now.own * step + now.other * step[::-1]
 
 
 def _end_step_at_limit(
+    arcs: Floats,
     now: AngleDerivatives,
     curve: Floats,
     step: Floats,
@@ -414,10 +433,11 @@ def _end_step_at_limit(
     high: Floats,
 ) -> tuple[Bools, Floats, Floats, Bools]:
     """Check whether a step passes a jam or a straight yarn; compute the step that ends there."""
-    turn, sin, bow = now.turn, np.sin(now.theta), 1.0 - np.cos(now.theta)
-    weight = now.straight / (1.0 - bow[0] * bow[1])
+    turn, sin = now.turn, np.sin(now.theta)
+    lift, both = _lift(arcs, np.cos(now.theta))
+    weight = now.straight / both
     # Derivatives of a straight part by the angle of its own yarn and of the other one.
-    own, other = sin * bow[::-1] * weight - d, -sin * weight[::-1]
+    own, other = sin * lift * weight - arcs * d, -arcs * sin * weight[::-1]
     jammed = -(now.straight + own * step + other * step[::-1]) / d
     over = np.maximum(jammed, -now.theta - step)
     warp, jams = over[0] > over[1], jammed >= over
@@ -449,19 +469,21 @@ def _positive_matrix(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, F
 
 
 def _apply_step(
-    room: Floats, state: _NewtonState, low: Floats, high: Floats
+    room: Floats, arcs: Floats, state: _NewtonState, low: Floats, high: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Compute heights, D and jam heights after a step; D and the leading angle decide."""
     step = state.part * state.step
     d = state.distance + state.turn[0] * step[0] + state.turn[1] * step[1]
     d = np.minimum(np.maximum(d, low), high)
-    top = jam_height(room, d)
+    top = jam_height(room, arcs * d)
     most = top - _JAM_MARGIN * np.maximum(state.top - state.heights, 0.0)
-    p, t, half = (np.where(state.first, one[0], one[1]) for one in (room, state.half, 0.5 * step))
-    few, many = np.minimum(p, d), np.maximum(p, d)
+    p, t, half, arc = (
+        np.where(state.first, one[0], one[1]) for one in (room, state.half, 0.5 * step, arcs * d)
+    )
+    few, many = np.minimum(p, arc), np.maximum(p, arc)
     last = few / (many + np.sqrt((many - few) * (many + few)))
     t = np.minimum(np.maximum((t + half) / (1.0 - t * half), 0.0), np.minimum(last, 1.0 - 1e-9))
-    h = 2.0 * t * (p - d * t) / (1.0 - t * t)
+    h = 2.0 * t * (p - arc * t) / (1.0 - t * t)
     h = np.where(state.first, h, d - h)
     h = np.minimum(np.maximum(np.minimum(h, most[0]), np.maximum(d - most[1], 0.0)), d)
     return np.stack([h, d - h]), d, top

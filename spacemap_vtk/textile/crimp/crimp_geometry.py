@@ -81,12 +81,11 @@ class CrimpGeometry:
     def rest_offsets(self) -> AnyFloats:
         """(N, 3) Vectors from feet to control points at rest [m]."""
         still = np.ones((2, *self.cloth.drawdown.shape))
-        shares = np.reshape(self.cloth.shares, (2, 1, 1))
         along = np.zeros_like(self.feet)
         for number, family in enumerate(self._families):
             along[family.rings, 1 - number] = 1.0
         up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
-        return self.offsets(shares * self._distance, still, along, up)
+        return self.offsets(self.cloth.rest_heights, still, along, up)
 
     @property
     def warp_rings(self) -> int:
@@ -229,7 +228,7 @@ class CrimpGeometry:
         rows = _yarn_rows(height[number], number, self.share)
         gaps = build_gaps(
             crossed,
-            _yarn_rows(height.sum(axis=0), number, self.share),
+            _yarn_rows(height.sum(axis=0) * self.cloth.arc_ratios[number], number, self.share),
             np.where(family.upper, rows, -rows),
             self.cloth.families[number].overhang,
             _yarn_rows(stretch[number], number, self.share),

@@ -50,6 +50,8 @@ class Crossings(NamedTuple):
     """Stretch at which the yarn, at its length at rest, has no straight part."""
     largest_height: Floats
     """Height of the yarn at that stretch, its largest."""
+    arcs: Floats
+    """Sum of the radii of a gap's arcs over D; 1 where round yarns are crossed."""
     rest_distance: Floats
     """(n,) D at rest."""
     least_distance: Floats
@@ -70,11 +72,11 @@ class Crossings(NamedTuple):
         """Compute the stretch that crossings reach, and the heights that D at rest allows there."""
         room, length = self.room_and_length(stretch)
         full = np.broadcast_to(self.rest_distance, room.shape)
-        height = taut_height(room, length, full)
+        height = taut_height(room, length, self.arcs * full)
         # A jammed yarn leaves the other one at least this height.
         needed = np.clip(full - height[::-1], 0.0, self.largest_height)
         own = np.where(self.gap_spacing > 0.0, self.gap_spacing, 1.0)
-        jam = (np.sqrt(needed * (2.0 * full - needed)) + self.flat) / own
+        jam = (np.sqrt(needed * (2.0 * self.arcs * full - needed)) + self.flat) / own
         jam = np.where(self.gap_spacing > 0.0, np.minimum(jam, self.jam), -inf)
         jammed = stretch < jam
         return np.where(jammed, jam, stretch), np.where(jammed, needed, height)
@@ -84,12 +86,12 @@ class Crossings(NamedTuple):
         hinge = self.hinge if hinged else np.zeros_like(self.hinge)
         tension = np.where(self.is_straight, 0.0, self.tension)
         contact = np.maximum(self.contact, _LEAST_CONTACT * tension.max(axis=0))
-        return CrimpEnergy(tension, contact, hinge, self.theta, self.rest_distance)
+        return CrimpEnergy(tension, contact, hinge, self.theta, self.rest_distance, self.arcs)
 
     def bending_energy(self) -> CrimpEnergy:
         """Build the energy of bending alone, which decides where yarns are slack."""
         zero = np.zeros_like(self.hinge)
-        return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.rest_distance)
+        return CrimpEnergy(zero, zero[0], self.hinge, self.theta, self.rest_distance, self.arcs)
 
 
 def build_crossings(
@@ -98,7 +100,7 @@ def build_crossings(
     """Compute the crossings of a cloth, and the area of each."""
     (warp, weft), shape = cloth.yarns, (2, *cloth.drawdown.shape)
     full = np.add.outer(weft.diameter, warp.diameter)
-    rest = np.array(cloth.shares)[:, None, None] * full
+    rest, arcs = 2.0 * cloth.rest_heights, cloth.arc_ratios * full
     along = _mean_spacing_around(weft.spacing, cloth.families[0].crossed)
     across = _mean_spacing_around(warp.spacing, cloth.families[1].crossed)
 
@@ -111,7 +113,7 @@ def build_crossings(
     spacing = spread(along, across)
     # Where thick yarns lie among thin ones, a crossing that is repeated may be tighter than any
     # gap of the cloth.
-    flat = np.minimum(spread(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * full - rest)))
+    flat = np.minimum(spread(weft.flat, warp.flat), spacing - np.sqrt(rest * (2.0 * arcs - rest)))
     share, float_ = np.empty((2, *shape))
     share[0], share[1] = (
         _floats_per_change(cloth.drawdown),
@@ -124,7 +126,7 @@ def build_crossings(
     # reaches its length.
     floats, own = float_ * np.where(loose, 0.0, share), np.where(loose, 0.0, spacing)
     flat = np.where(loose, -10.0 * full, flat)
-    gap = solve_gaps(own - flat, rest, full)
+    gap = solve_gaps(own - flat, rest, arcs)
     length = np.where(loose, 1e3 * full, gap.length)
     whole = np.where(loose, spacing, length + flat + floats)
     stiffness = np.array(bending if any(bending) else (1.0, 1.0))[:, None, None]
@@ -137,7 +139,8 @@ def build_crossings(
     gain = own * give * gap.sin / np.maximum((give * gap.cos).sum(axis=0), 1e-300)
     gain[1] *= -1.0
     hard = not isfinite(contact)
-    jam, most = _find_jam(own, flat, floats, length, full)
+    jam, most = _find_jam(own, flat, floats, length, arcs)
+    most = np.where(loose, full, most)
     pull = part * np.where(np.isinf(tension), 1.0, tension) / whole
     yarns = (
         own,
@@ -153,6 +156,7 @@ def build_crossings(
         gain,
         jam,
         most,
+        cloth.arc_ratios,
     )
     single = (
         full,
@@ -161,27 +165,30 @@ def build_crossings(
         np.zeros_like(full) if hard else contact / full,
     )
     return (
-        Crossings(*(array.reshape(2, -1) for array in yarns), *(one.ravel() for one in single)),
+        Crossings(
+            *(array.reshape(2, -1) for array in yarns),
+            *(one.ravel() for one in single),
+        ),
         np.multiply.outer(along, across),
     )
 
 
 def _find_jam(
-    own: Floats, flat: Floats, floats: Floats, length: Floats, full: Floats
+    own: Floats, flat: Floats, floats: Floats, length: Floats, arcs: Floats
 ) -> tuple[Floats, Floats]:
     """Find stretch and height at which a yarn of given length has no straight part left."""
     stretch = np.ones_like(own)
     # Floats release length as they get shorter. The function is convex, so Newton's method
     # converges from above.
     for _ in range(30 if floats.any() else 2):
-        angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
-        rest = own * stretch - flat - full * np.sin(angle)
+        angle = np.minimum((length + floats * (1.0 - stretch)) / arcs, 0.5 * pi)
+        rest = own * stretch - flat - arcs * np.sin(angle)
         step = rest / np.where(own > 0.0, own + floats * np.cos(angle), inf)
         stretch -= step
         if np.abs(step).max() < 1e-15:
             break
-    angle = np.minimum((length + floats * (1.0 - stretch)) / full, 0.5 * pi)
-    return stretch, np.where(own > 0.0, full * (1.0 - np.cos(angle)), full)
+    angle = np.minimum((length + floats * (1.0 - stretch)) / arcs, 0.5 * pi)
+    return stretch, arcs * (1.0 - np.cos(angle))
 
 
 def _floats_per_change(drawdown: Bools) -> Floats:

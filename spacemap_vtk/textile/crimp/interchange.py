@@ -246,7 +246,8 @@ class Interchange:
         cells = select_crossings(self._crossings, np.repeat(first, stretches.shape[1]))
         reached, h, d = self._solve_heights(cells, np.tile(stretches, len(first)))
         room, length = cells.room_and_length(reached)
-        over = (solve_gaps(room, np.stack([h, d - h]), d).length - length) / cells.full_length
+        gap = solve_gaps(room, np.stack([h, d - h]), cells.arcs * d)
+        over = (gap.length - length) / cells.full_length
         over = np.where(cells.is_straight, reached - 1.0, over)
         strain = np.maximum(over, 0.0)
         force = np.zeros_like(reached)
@@ -274,7 +275,7 @@ class Interchange:
         reached, h, d = self._solve_heights(cells, stretches)
         heights = np.stack([h, d - h])
         room, length = cells.room_and_length(reached)
-        gap = solve_gaps(room, heights, d)
+        gap = solve_gaps(room, heights, cells.arcs * d)
         over = np.where(cells.is_straight, cells.spacing * (reached - 1.0), gap.length - length)
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * reached) / (axis * reached) - 1.0
@@ -326,7 +327,8 @@ class Interchange:
     def _kinds(self) -> tuple[Ints, Ints]:
         """First crossing of each kind, and the kind of each crossing."""
         c = self._crossings
-        rows = np.concatenate([c.gap_spacing, c.flat, c.floats, c.tension, c.rest_distance[None]])
+        whole = np.stack([c.rest_height, c.rest_distance])
+        rows = np.concatenate([c.gap_spacing, c.flat, c.floats, c.tension, c.arcs, whole])
         _, first, back = np.unique(rows, axis=1, return_index=True, return_inverse=True)
         return first, back.ravel()
 
@@ -393,7 +395,7 @@ class Interchange:
         if not self._stretches or self._contact == 0.0:
             flat = np.flatnonzero(pulled & (floor < full))
             heights = taut_heights(
-                *(one.take(flat, axis=-1) for one in (room, length, most, floor))
+                *(one.take(flat, axis=-1) for one in (room, length, most, floor, cells.arcs))
             )
             both = heights[0] + heights[1]
             d[flat] = np.clip(both, floor[flat], full[flat])

@@ -56,9 +56,10 @@ class LengthCorrection:
     def __init__(self, cloth: Cloth, loose: Floats) -> None:
         warp, weft = cloth.yarns
         self._full = 0.5 * np.add.outer(weft.diameter, warp.diameter)
+        self._arcs = cloth.arc_ratios
         self._loose = loose
         self._families: list[_FamilyGaps] = []
-        rest = np.reshape(cloth.shares, (2, 1, 1)) * self._full
+        rest = cloth.rest_heights
         for number, crossed in enumerate((weft, warp)):
             upper = cloth.is_over(number)
             flat = 0.5 * (crossed.flat[1:] + crossed.flat[:-1])
@@ -99,7 +100,8 @@ class LengthCorrection:
                     _yarn_rows(taut, number)[:, 0],
                 )
                 own = _yarn_rows(height, number)
-                wider = _average_neighbours(own * _yarn_rows(taut[::-1], number))
+                wide = own * _yarn_rows(taut[::-1] * self._arcs, number)
+                wider = _average_neighbours(wide)
                 rise = np.where(
                     family.changes, 2.0 * _average_neighbours(own), np.abs(np.diff(own, axis=1))
                 )
@@ -131,8 +133,7 @@ class LengthCorrection:
     def _solve_gaps(self, number: int, height: Floats, room: Floats) -> Gap:
         """Compute the gaps of warp or weft as drawn, without the flats."""
         family, rows = self._families[number], _yarn_rows(height, number)
-        wide = 2.0 * height.sum(axis=0)
-        wide = _average_neighbours(wide if number else wide.T)
+        wide = _average_neighbours(_yarn_rows(2.0 * height.sum(axis=0) * self._arcs, number))
         rise = np.where(
             family.changes, 2.0 * _average_neighbours(rows), np.abs(np.diff(rows, axis=1))
         )

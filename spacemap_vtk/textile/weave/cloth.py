@@ -366,6 +366,23 @@ class Cloth:
         """Courses of warp and weft; yarns of one course have equal axes."""
         return self._group_yarns(0), self._group_yarns(1)
 
+    @cached_property
+    def rest_heights(self) -> Floats:
+        """(2, picks, ends) Distances of warp and weft from the mid-surface, in metres."""
+        warp, weft = (yarns.diameter for yarns in self.yarns)
+        ends, picks = warp, weft[:, None]
+        return np.stack([self.axis_heights(0, ends, picks), self.axis_heights(1, picks, ends)])
+
+    @cached_property
+    def arc_ratios(self) -> Floats:
+        """(2, picks, ends) Radii of the arcs of warp and weft over the distance of their axes."""
+        (warp, weft), shape = self.yarns, (2, *self.drawdown.shape)
+        if not self.is_lenticular:
+            return np.ones(shape)
+        ends, picks = 0.5 * warp.diameter, 0.5 * weft.diameter[:, None]
+        faces = weft.face_radius[:, None], warp.face_radius
+        return np.stack([(ends + faces[0]), (picks + faces[1])]) / (ends + picks)
+
     def _group_yarns(self, number: int) -> YarnGroups:
         upper, diameter = self.is_over(number), self.yarns[number].diameter
         sizes = diameter.view(np.uint8).reshape(len(upper), -1)

@@ -249,17 +249,21 @@ def taut_height(room: Floats, length: Floats, distance: Floats) -> Floats:
     return np.sqrt(result).reshape(shape)
 
 
-def taut_heights(room: Floats, length: Floats, height: Floats, floor: Floats) -> Floats:
+def taut_heights(
+    room: Floats, length: Floats, height: Floats, floor: Floats, arcs: Floats
+) -> Floats:
     """Compute heights (2, n) at which both yarns have the given lengths; crossings may flatten."""
+    # `arcs` is the sum of the radii of both arcs of a gap over the sum of the heights.
     # Heights whose sum is below the floor only mean that D is at the floor. The start is the
     # solution for a larger D.
     result, live = np.empty_like(height), np.arange(height.shape[1])
-    p, goal, least = room, length, _STRAIGHT * floor
+    p, goal, ratio, least = room, length, arcs, _STRAIGHT * floor
     h = np.where(length > room, np.maximum(height, least), least)
     for _ in range(30):
         d = h[0] + h[1]
-        gap = solve_gaps(p, h, d)
-        a, b = gap.theta, gap.theta - gap.sin
+        gap = solve_gaps(p, h, ratio * d)
+        b = ratio * (gap.theta - gap.sin)
+        a = b + gap.sin
         # A yarn that is too short to bend at all is straight.
         missing = np.where(goal > p, goal - gap.length, 0.0)
         step = a[::-1] * missing - b * missing[::-1]
@@ -275,19 +279,21 @@ def taut_heights(room: Floats, length: Floats, height: Floats, floor: Floats) ->
             result[:, live[done]] = h[:, done]
             on = np.flatnonzero(~done)
             live, least, floor = live[on], least[on], floor[on]
-            h, p, goal = (one.take(on, axis=1) for one in (h, p, goal))
+            h, p, goal, ratio = (one.take(on, axis=1) for one in (h, p, goal, ratio))
         if not len(live):
             return result
-    result[:, live] = _bisect_taut_heights(p, goal, h.sum(axis=0), floor)
+    result[:, live] = _bisect_taut_heights(p, goal, h.sum(axis=0), floor, ratio)
     return result
 
 
-def _bisect_taut_heights(room: Floats, length: Floats, above: Floats, floor: Floats) -> Floats:
+def _bisect_taut_heights(
+    room: Floats, length: Floats, above: Floats, floor: Floats, arcs: Floats
+) -> Floats:
     """Solve as `taut_heights` does, by bisection: a lower D leaves more height relative to it."""
     low, high = 0.5 * floor, np.maximum(2.0 * above, 2.0 * floor)
     for _ in range(50):
         middle = 0.5 * (low + high)
-        height = taut_height(room, length, np.broadcast_to(middle, room.shape))
+        height = taut_height(room, length, arcs * middle)
         enough = height.sum(axis=0) >= middle * (1.0 - 1e-12)
         low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return taut_height(room, length, np.broadcast_to(low, room.shape))
+    return taut_height(room, length, arcs * low)
