@@ -231,6 +231,7 @@ def test_tables_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
         "animate",
         "storyboard",
         "figure",
+        "print",
         "export",
         "modes",
         "plot",

@@ -53,7 +53,10 @@ WITHOUT_RECORD = {".stl", ".dtx", ".txt"}
 #: Formats that are repeated in this test; the others store the same record.
 REPEATED = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"}
 #: Kind of job for each kind of drawn output.
-DRAWN = {"picture": "picture", "film": "film", "frames": "film", "plot": "plot"}
+DRAWN = {
+    **{"picture": "picture", "film": "film", "frames": "film"},
+    **{"plot": "plot", "pages": "print"},
+}
 
 
 def jobs(folder: Path) -> list[tuple[str, Job]]:
@@ -189,6 +192,7 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     **{("plot", ending): picture_size for ending in (".png", ".jpg", ".jpeg")},
     ("plot", ".svg"): drawing_size,
     ("plot", ".pdf"): page_size,
+    ("pages", ".pdf"): page_size,
 }
 
 
@@ -211,6 +215,9 @@ def check_content(kind: str, job: Job, file: Path) -> None:
     found = READERS[kind, file.suffix](file)
     if job.kind == "plot":
         assert found == "0 0 691.2 518.4"
+    elif job.kind == "print":
+        width, height = map(float, found.split()[2:])
+        assert (25.4 * width / 72, 25.4 * height / 72) == pytest.approx((210, 297))
     elif file.suffix == ".csv":  # inside the yarns
         outer = np.reshape(expected_content(kind, job), (3, 2))
         assert (found >= outer[:, 0] - 1e-9).all()

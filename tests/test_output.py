@@ -139,6 +139,7 @@ OWN_WRITERS = {
     "io/formats/pictures.py": {
         "write_picture": {"Image.fromarray(image).save"},
         "write_figure": {"figure.savefig"},
+        "write_pages": {"document.savefig"},
     },
     "io/formats/vtk_xml.py": {"_write_xml": {"writer.Write"}},
     # films are too large for memory; they check the end of the file

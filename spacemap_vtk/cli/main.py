@@ -63,6 +63,10 @@ COMMANDS = {
         "figure:figure",
         "Lay out a page for a publication: pictures, draft and cloth, Peirce's sections.",
     ),
+    "print": (
+        "print_draft:print_draft",
+        "Print a draft for the loom on as many pages as it needs.",
+    ),
     "sweep": ("sweep:sweep", "Run a scene for lists of values, with a table and a contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "convert": ("draw:convert", "Convert a weaver's draft to another format."),

@@ -71,8 +71,17 @@ def attach_record_at(time: float, **more: Any) -> Iterator[None]:
     """Add the record of one time of a series to all files that are written inside the block."""
     record = _current.get()
     if record is not None:
-        order = {**record.order, "times": [time], **more}
-        record = replace(record, order=order, times=(time,))
+        record = replace(record, times=(time,))
+    with attach_record(record), attach_order(times=[time], **more):
+        yield
+
+
+@contextmanager
+def attach_order(**more: Any) -> Iterator[None]:
+    """Add the record, with other values of the job, to all files written inside the block."""
+    record = _current.get()
+    if record is not None:
+        record = replace(record, order={**record.order, **more})
     with attach_record(record):
         yield
 

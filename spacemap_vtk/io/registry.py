@@ -57,6 +57,7 @@ DRAWN = {
     "film": "arrays of pixels, one after another, and their rate in 1/s",
     "frames": "as a film; the file has a number such as %04d in its name",
     "plot": "a matplotlib figure",
+    "pages": "matplotlib figures, one after another",
 }
 #: How a user makes a file of a moving surface smaller.
 SMALLER_FILE_CURE = "Raise --tolerance, use fewer times, or lower --subdivisions."

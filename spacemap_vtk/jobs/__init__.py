@@ -11,6 +11,7 @@ from spacemap_vtk.jobs.job import JOBS, Context, Job, Times, job_from_json, make
 from spacemap_vtk.jobs.moving_surface import ModesJob, MovingJob
 from spacemap_vtk.jobs.picture import PictureJob
 from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob
+from spacemap_vtk.jobs.print_draft import PrintJob
 from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "MovingJob",
     "PictureJob",
     "PlotJob",
+    "PrintJob",
     "ShapesJob",
     "StoryboardJob",
     "Times",

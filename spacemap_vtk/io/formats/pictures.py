@@ -163,6 +163,20 @@ def write_figure(file: Path, figure: Figure, **more: Any) -> None:
     write_parts(file, [made.getbuffer()])
 
 
+@writes(".pdf", label="document", holds=("pages",))
+def write_pages(file: Path, figures: Iterable[Figure]) -> None:
+    """Write figures of matplotlib's as the pages of a document."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    made, record = BytesIO(), record_text()
+    metadata = {"CreationDate": None, **({"Keywords": f"{NAME}: {record}"} if record else {})}
+    with rc_context({"pdf.fonttype": 42}), PdfPages(made, metadata=metadata) as document:
+        for figure in figures:
+            document.savefig(figure, facecolor="auto")
+    write_parts(file, [made.getbuffer()])
+
+
 @finds_record(".svg", ".pdf")
 def find_record_in_figure(path: Path) -> str | None:
     """Find the record in a drawing's description or a document's keywords."""

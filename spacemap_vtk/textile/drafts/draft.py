@@ -139,22 +139,42 @@ class Draft:
             Without ends at the sides that pass through no heddle, and without picks at beginning
             and end that have no shed. The draft itself if it has none of them, or no loom.
         """
+        if self.loom is None:
+            return self
+        ends, picks = _used_slice(self.loom.threading), _used_slice(self.loom.sheds())
+        if self.drawdown[picks, ends].shape == self.drawdown.shape:
+            return self
+        return self.crop(ends, picks)
+
+    def crop(self, ends: slice, picks: slice) -> Draft:
+        """Cut out a part.
+
+        Parameters
+        ----------
+        ends, picks : slice
+            Threads that stay.
+
+        Returns
+        -------
+        Draft
+            With the same shafts and treadles.
+        """
         loom = self.loom
-        if loom is None:
-            return self
-        ends, picks = _used_slice(loom.threading), _used_slice(loom.sheds())
-        drawdown = self.drawdown[picks, ends]
-        if drawdown.shape == self.drawdown.shape:
-            return self
-        lifted = None if loom.liftplan is None else loom.liftplan[picks]
-        loom = replace(
-            loom,
-            threading=loom.threading[ends],
-            treadling=loom.treadling[picks],
-            liftplan=lifted,
+        if loom is not None:
+            lifted = None if loom.liftplan is None else loom.liftplan[picks]
+            loom = replace(
+                loom,
+                threading=loom.threading[ends],
+                treadling=loom.treadling[picks],
+                liftplan=lifted,
+            )
+        return replace(
+            self,
+            drawdown=self.drawdown[picks, ends],
+            loom=loom,
+            warp=self.warp.crop(ends),
+            weft=self.weft.crop(picks),
         )
-        warp, weft = self.warp.crop(ends), self.weft.crop(picks)
-        return replace(self, drawdown=drawdown, loom=loom, warp=warp, weft=weft)
 
     def find_loom(self, drawdown: Bools) -> Loom:
         """Find a loom that weaves a cloth.

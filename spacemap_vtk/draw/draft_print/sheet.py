@@ -1,0 +1,299 @@
+"""Make the pages of a printed draft."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spacemap_vtk.draw.draft_print.chart import GROUP, ChartStyle, draw_chart
+from spacemap_vtk.draw.draft_print.content import (
+    THREADS,
+    DraftContent,
+    color_letter,
+    write_row,
+)
+from spacemap_vtk.draw.draft_print.cover import (
+    describe_limit,
+    draft_notes,
+    draft_texts,
+    draw_cover,
+    draw_overview,
+    draw_whole_draft,
+    face_name,
+    has_more_notes,
+)
+from spacemap_vtk.draw.draft_print.group_flow import (
+    Flow,
+    Row,
+    column_width,
+    draw_columns,
+    draw_rule,
+    group_rows,
+    heading_rows,
+    paragraph_rows,
+)
+from spacemap_vtk.draw.draft_print.layout import (
+    HEADING,
+    ChartGrid,
+    chart_box,
+    chart_width,
+    paper_size,
+    place_whole_draft,
+    plan_charts,
+)
+from spacemap_vtk.draw.draft_print.paper import (
+    BODY,
+    FAINT,
+    NUMBER,
+    Box,
+    Page,
+)
+from spacemap_vtk.draw.draft_print.settings import FACES, ORIENTATIONS, STARTS, PrintSettings
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.textile.drafts.draft import Draft
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Most pages of a printed draft.
+MOST_PAGES = 200
+
+
+class DraftSheet:
+    """A draft, laid out on pages that are drawn one after another."""
+
+    def __init__(
+        self, draft: Draft, settings: PrintSettings, title: str = "", remarks: Sequence[str] = ()
+    ) -> None:
+        self.settings = settings
+        self.title = draft.title or title or "Draft"
+        part, first = settings.select(draft)
+        whole = None if part.size == draft.size else draft.size
+        self.content = DraftContent(part, settings.limits(part), first, whole)
+        self._style = ChartStyle(settings.mono, settings.start == STARTS[1])
+        self._remarks = [*remarks, *self._own_remarks()]
+        self._across, grids = plan_charts(
+            self.content,
+            settings.paper,
+            ORIENTATIONS[settings.orientation],
+            settings.least_cell,
+            FACES[settings.faces],
+        )
+        self._refuse(1 + sum(grid.count for grid in grids))
+        upright = paper_size(settings.paper, False)
+        self._cover = Page(upright)
+        room = self._draw_cover()
+        charts = place_whole_draft(self.content, room, settings.least_cell, FACES[settings.faces])
+        draw_whole_draft(self._cover, self.content, charts, self._style)
+        bottom = max((box.bottom + 4.0 for _, box in charts), default=room.bottom)
+        left = Box(room.left, bottom, room.width, max(room.bottom - bottom, 0.0))
+        #: Pages of charts; none if the whole draft is on the first page.
+        self.grids: list[ChartGrid] = [] if charts else grids
+        body = self._cover.body
+        further = Box(body.left, body.top + HEADING, body.width, body.height - HEADING - 2.0)
+        flow = Flow(self._group_rows(column_width(body.width, 2)), left, further)
+        self._flow, self._columns = flow, flow.pages()
+        self.count = len(self._columns) + sum(grid.count for grid in self.grids)
+        self._refuse(self.count)
+        #: Numbers of the pages that are drawn.
+        self.numbers = settings.select_pages(self.count)
+        self._room = room
+
+    def pages(self) -> Iterator[tuple[int, Figure]]:
+        """Draw the requested pages one after another, with their numbers."""
+        for number in self.numbers:
+            yield number, self._draw_page(number)
+
+    def _draw_page(self, number: int) -> Figure:
+        texts = len(self._columns)
+        first_pages = []
+        first_page = texts + 1
+        for grid in self.grids:
+            first_pages.append(first_page)
+            first_page += grid.count
+        if number == 1:
+            return self._finish_cover(first_pages)
+        if number <= texts:
+            page = Page(paper_size(self.settings.paper, False))
+            self._draw_heading(page, "Groups to mark off", number)
+            draw_columns(page, self._flow.further, self._columns[number - 1])
+            return page.figure
+        index = max(k for k, first in enumerate(first_pages) if first <= number)
+        grid = self.grids[index]
+        row, column = divmod(number - first_pages[index], len(grid.ends))
+        return self._draw_chart_page(grid, column, row, first_pages[index])
+
+    def _finish_cover(self, first_pages: list[int]) -> Figure:
+        if self.grids:
+            draw_overview(
+                self._cover, self.content, self._room, self.grids, first_pages, self._style
+            )
+        draw_columns(self._cover, self._flow.first, self._columns[0])
+        self._write_page_number(self._cover, 1)
+        return self._cover.figure
+
+    def _own_remarks(self) -> list[str]:
+        content = self.content
+        remarks = [describe_limit(self.settings.float_limit).capitalize() + "."]
+        if not content.shows_loom:
+            treadles = f" and {content.loom.treadles} treadles" if content.has_treadles else ""
+            remarks.append(
+                f"With {content.loom.shafts} shafts{treadles} threading and treadling do not fit "
+                "beside the drawdown; they are listed by groups."
+            )
+        return remarks
+
+    def _refuse(self, count: int) -> None:
+        if count > MOST_PAGES:
+            ends, picks = self.content.size
+            raise InputError(
+                f"the printed draft of {ends} x {picks} threads has {count} pages",
+                allowed=f"up to {MOST_PAGES} pages",
+                cure="Print a part, for example with --ends 1-200 --picks 1-200, or one face with "
+                "--faces face.",
+            )
+
+    def _draw_cover(self) -> Box:
+        content = self.content
+        subtitle = "   ".join(draft_texts(content)) or "Weaver's draft"
+        return draw_cover(
+            self._cover, content, self.title, subtitle, self._remarks, self._draw_legend
+        )
+
+    def _group_rows(self, width: float) -> list[Row]:
+        content = self.content
+        rows: list[Row] = []
+        names = ("Threading", "Treadling" if content.has_treadles else "Liftplan")
+        for family, (name, groups) in enumerate(
+            zip(names, (content.threading_groups, content.treadling_groups), strict=True)
+        ):
+            rows += heading_rows(f"{name}, {THREADS[family]}s {self._range(family)}")
+            rows += group_rows(groups, THREADS[family], width)
+            if family == 0:
+                rows += heading_rows("Heddles on each shaft")
+                rows += paragraph_rows(self._heddles(), width)
+            elif content.has_treadles:
+                rows += heading_rows("Tie-up")
+                ties = [
+                    f"{treadle}: {write_row(tied)};"
+                    for treadle, tied in enumerate(content.loom.tieup, 1)
+                ]
+                rows += paragraph_rows(ties, width)
+        for family, name in enumerate(("warp", "weft")):
+            numbers = content.color_numbers[family].tolist()
+            if len(set(numbers)) > 1:
+                rows += heading_rows(f"Colours of the {name}")
+                groups = content.value_groups(family, numbers, color_letter)
+                rows += group_rows(groups, THREADS[family], width)
+            threads = content.threads[family]
+            for what, values in (("Spacing", threads.spacing), ("Thickness", threads.thickness)):
+                if values is not None and np.ndim(values) and np.ptp(values) > 0:
+                    rounded = np.round(1e3 * np.asarray(values), 3).tolist()
+                    rows += heading_rows(f"{what} of the {name}, in mm")
+                    groups = content.value_groups(family, rounded, "{:g}".format)
+                    rows += group_rows(groups, THREADS[family], width)
+        if has_more_notes(content, self._cover.body.width):
+            rows += heading_rows("Notes")
+            for note in draft_notes(content):
+                rows += paragraph_rows(note.split(" "), width)
+        return rows
+
+    def _heddles(self) -> list[str]:
+        counts = np.zeros(self.content.loom.shafts + 1, int)
+        for row in self.content.loom.threading:
+            counts[list(row)] += 1
+        words = [f"{shaft}: {count};" for shaft, count in enumerate(counts[1:].tolist(), 1)]
+        return [*words, f"together {counts.sum()}"]
+
+    def _range(self, family: int) -> str:
+        first = self.content.first[family]
+        return f"{first}–{first + self.content.size[family] - 1}"
+
+    def _write_page_number(self, page: Page, number: int) -> None:
+        body = page.body
+        text = f"page {number} of {self.count}"
+        page.write(body.right, body.top + 5.0, text, right=True)
+
+    def _draw_heading(self, page: Page, subtitle: str, number: int) -> None:
+        body = page.body
+        page.write(body.left, body.top + 4.5, self.title, BODY + 2.5, bold=True)
+        page.write(body.left, body.top + 9.0, subtitle)
+        self._write_page_number(page, number)
+        draw_rule(page, body.top + 10.5)
+
+    def _draw_legend(self, page: Page) -> None:
+        """Explain the signs at the foot of a page."""
+        body = page.body
+        parts = [f"lines are heavier every {GROUP} and {2 * GROUP} threads"]
+        parts.append("shaft 1 and treadle 1 are next to the drawdown")
+        parts.append(f"●–● {describe_limit(self.settings.float_limit)}")
+        page.write(body.left, body.bottom - 0.8, ";  ".join(parts), NUMBER + 0.5, FAINT)
+
+    def _draw_chart_page(self, grid: ChartGrid, column: int, row: int, first_page: int) -> Figure:
+        content, settings = self.content, self.settings
+        page = Page(paper_size(settings.paper, self._across))
+        number = first_page + row * len(grid.ends) + column
+        chart = grid.chart(column, row)
+        ends, picks = (
+            f"{first + begin}–{first + end - 1}"
+            for first, (begin, end) in zip(content.first, (chart.ends, chart.picks), strict=True)
+        )
+        self._draw_heading(page, f"{face_name(grid.face)}: ends {ends}, picks {picks}", number)
+        box = chart_box(settings.paper, self._across, grid.count > 1)
+        width = chart_width(content, chart)
+        left = box.left + max(0.0, 0.5 * (box.width - width))
+        covered = draw_chart(page, content, chart, (left, box.top), self._style)
+        self._name_neighbours(page, grid, (column, row), first_page, covered)
+        self._draw_small_map(page, grid, column, row)
+        self._draw_legend(page)
+        return page.figure
+
+    def _name_neighbours(
+        self, page: Page, grid: ChartGrid, place: tuple[int, int], first_page: int, covered: Box
+    ) -> None:
+        """Write the numbers of the pages beside this one at its sides."""
+        from_top = self._style.from_top
+        right = -1 if from_top == grid.face else 1
+        up = -1 if from_top else 1
+        middle = covered.left + 0.5 * covered.width, covered.top + 0.5 * covered.height
+        for (dx, dy), (x, y), turn in (
+            ((-right, 0), (covered.left - 2.6, middle[1]), 90),
+            ((right, 0), (covered.right + 2.6, middle[1]), 90),
+            ((0, up), (middle[0], covered.top - 2.2), 0),
+            ((0, -up), (middle[0], covered.bottom + 2.4), 0),
+        ):
+            column, row = place[0] + dx, place[1] + dy
+            if 0 <= column < len(grid.ends) and 0 <= row < len(grid.picks):
+                text = f"page {first_page + row * len(grid.ends) + column}"
+                page.write(x, y, text, NUMBER + 1.0, centred=True, upright=bool(turn))
+
+    def _draw_small_map(self, page: Page, grid: ChartGrid, column: int, row: int) -> None:
+        """Draw a small map of the pages of this face, with this one filled."""
+        if grid.count == 1:
+            return
+        body = page.body
+        (ends, picks), from_top = self.content.size, self._style.from_top
+        scale = min(30.0 / ends, 9.0 / picks)
+        box = Box(body.right - 28.0 - ends * scale, body.top + 0.5, ends * scale, picks * scale)
+        falls = from_top == grid.face
+        begin, end = grid.ends[column]
+        low, high = grid.picks[row]
+        x = box.left + scale * (ends - end if falls else begin)
+        y = box.top + scale * (low if from_top else picks - high)
+        page.fill([(x, y, scale * (end - begin), scale * (high - low))], "#9aa4b0")
+        lines = [
+            ((box.left + scale * (ends - e if falls else e), box.top),) * 1
+            + ((box.left + scale * (ends - e if falls else e), box.bottom),)
+            for e, _ in grid.ends[1:]
+        ]
+        lines += [
+            (
+                (box.left, box.top + scale * (p if from_top else picks - p)),
+                (box.right, box.top + scale * (p if from_top else picks - p)),
+            )
+            for p, _ in grid.picks[1:]
+        ]
+        page.draw_lines(lines, 0.4)
+        page.draw_box(box, 0.5)
