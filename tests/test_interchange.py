@@ -26,8 +26,18 @@ WEAVES = {
 }
 
 
-def cloth(warp: float = 0.5, weft: float = 0.5, weave: str = "plain", **more: float) -> Cloth:
-    threads = [Threads(diameter=0.5 * D, spacing=p * 1e-3) for p in (warp, weft)]
+def cloth(
+    warp: float = 0.5,
+    weft: float = 0.5,
+    weave: str = "plain",
+    aspects: tuple[float, float] = (1.0, 1.0),
+    **more: float,
+) -> Cloth:
+    """A cloth of round yarns, or of lenses whose heights add up to D too."""
+    threads = [
+        Threads(diameter=0.5 * D, spacing=p * 1e-3, section="lenticular", aspect=aspect)
+        for p, aspect in zip((warp, weft), aspects, strict=True)
+    ]
     return Cloth(drawdown=from_matrix(WEAVES[weave]), warp=threads[0], weft=threads[1], **more)
 
 
@@ -149,9 +159,12 @@ def test_pushed_both_ways_yarns_are_slack() -> None:
         YarnMechanics((3.0, 2.0), np.inf, (2e-9, 1e-9)),
     ],
 )
+@pytest.mark.parametrize("aspects", [(1.0, 1.0), (1.3, 1.6)])
 @pytest.mark.parametrize("weave", ["plain", "twill"])
-def test_forces_are_derivatives(yarns: YarnMechanics, weave: str) -> None:
-    crossings = Interchange(cloth(0.7, 0.6, weave), yarns)
+def test_forces_are_derivatives(
+    yarns: YarnMechanics, weave: str, aspects: tuple[float, float]
+) -> None:
+    crossings = Interchange(cloth(0.7, 0.6, weave, aspects), yarns)
     step, at = 1e-5, np.ones((2, *crossings.shape)) * np.reshape([1.05, 1.02], (2, 1, 1))
     found = crossings.forces(at)
     for family in (0, 1):
@@ -182,14 +195,20 @@ def test_forces_where_a_yarn_jams_that_is_pulled() -> None:
 
 
 def energy(
-    yarns: YarnMechanics, stretch: NDArray, height: float, distance: float = D, room: Any = 0.5e-3
+    yarns: YarnMechanics,
+    stretch: NDArray,
+    height: float,
+    distance: float = D,
+    room: Any = 0.5e-3,
+    arcs: Any = 1.0,
 ) -> float:
     """Return the energy of a crossing by Peirce's formulas, inf if jammed."""
+    arcs = np.multiply(arcs, 1.0)
     try:
-        now = peirce.solve(stretch * room, [height, distance - height], distance)
+        now = peirce.solve(stretch * room, [height, distance - height], arcs * distance)
     except Exception:
         return np.inf
-    rest = peirce.solve(room, 0.5 * D, D)
+    rest = peirce.solve(room, 0.5 * D, arcs * D)
     strain = np.maximum(now.length / rest.length - 1.0, 0.0)
     # a sawtooth's moment over angle, 12 B s²/l³, for twice the share of arcs in less D
     bent = 6.0 * (rest.straight / rest.length) ** 2 / rest.length * (now.theta - rest.theta) ** 2
@@ -239,19 +258,25 @@ def _between_jams(room: NDArray, distance: float) -> tuple[float, float]:
     return distance - jam[1] + 1e-12 * D, jam[0] - 1e-12 * D
 
 
+@pytest.mark.parametrize(("aspects", "spacing"), [((1.0, 1.0), 0.5), ((1.2, 1.4), 0.7)])
 @pytest.mark.parametrize("bending", [0.0, 1e-9, 1e-7])
-def test_the_energy_is_the_least(bending: float) -> None:
+def test_the_energy_is_the_least(
+    bending: float, aspects: tuple[float, float], spacing: float
+) -> None:
     yarns = YarnMechanics((20.0, 30.0), np.inf, (bending, 2.0 * bending))
-    crossings = Interchange(cloth(), yarns)
+    crossings = Interchange(cloth(spacing, spacing, aspects=aspects), yarns)
+    # the yarn that is crossed has arcs of (aspect² + 1) / 4 of its height, and half of D is its own
+    arcs = (1.0 + (np.square(aspects[::-1]) + 1.0) / 2.0) / 2.0
+    given: Any = {"room": spacing * 1e-3, "arcs": arcs}
     for stretch in np.random.default_rng(5).uniform(0.93, 1.12, (8, 2)):
         state = stretched(crossings, *stretch)
-        found = energy(yarns, stretch, float(2.0 * state.height[0, 0, 0]))
+        found = energy(yarns, stretch, float(2.0 * state.height[0, 0, 0]), **given)
         grid = np.linspace(0.0, D, 401)
-        values = [energy(yarns, stretch, height) for height in grid]
+        values = [energy(yarns, stretch, height, **given) for height in grid]
         best = int(np.argmin(values))
         around = grid[max(best - 1, 0)], grid[min(best + 1, 400)]
         least = minimize_scalar(
-            lambda h, s=stretch: energy(yarns, s, h),
+            lambda h, s=stretch: energy(yarns, s, h, **given),
             bounds=around,
             method="bounded",
             options={"xatol": 1e-12},
@@ -313,11 +338,13 @@ def test_yarns_keep_their_length_in_any_weave(weave: str, share: float) -> None:
         YarnMechanics((50.0, 40.0), np.inf, (1e-9, 1e-9)),
     ],
 )
-@pytest.mark.parametrize("weave", ["plain", "twill"])
-def test_the_state_is_continuous_everywhere(yarns: YarnMechanics, weave: str) -> None:
+@pytest.mark.parametrize(("weave", "aspect"), [("plain", 1.0), ("twill", 1.0), ("twill", 1.4)])
+def test_the_state_is_continuous_everywhere(
+    yarns: YarnMechanics, weave: str, aspect: float
+) -> None:
     points = 2001
     drawdown = tile_drawdown(from_matrix(WEAVES[weave]), points, 4)
-    threads = Threads(diameter=0.5 * D, spacing=0.5e-3)
+    threads = Threads(diameter=0.5 * D, spacing=0.5e-3, section="lenticular", aspect=aspect)
     crossings = Interchange(Cloth(drawdown=drawdown, warp=threads, weft=threads), yarns)
     random = np.random.default_rng(7)
     for _ in range(4):
