@@ -22,9 +22,16 @@ from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, Ints
 from spacemap_vtk.parallel import BLAS_SERIAL, for_each
 from spacemap_vtk.textile.geometry.arcs import PartPlan, build_axes, build_gaps, plan_parts
 from spacemap_vtk.textile.geometry.axis_parts import Axes
-from spacemap_vtk.textile.geometry.cloth_axes import ALL_YARNS, YarnSelection, woven_gaps
+from spacemap_vtk.textile.geometry.cloth_axes import (
+    ALL_YARNS,
+    YarnSelection,
+    swelling_floats,
+    widening_room,
+    woven_gaps,
+)
 from spacemap_vtk.textile.geometry.section import Cap, Section, build_cap, build_section
-from spacemap_vtk.textile.geometry.sweep import Tubes, fill_cap_points
+from spacemap_vtk.textile.geometry.sweep import Tubes, fill_cap_points, swell_section
+from spacemap_vtk.textile.geometry.swelling import ring_shares
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 
@@ -244,7 +251,8 @@ class CrimpGeometry:
         upper = cloth.is_over(number, some)
         gaps = woven_gaps(cloth, number, some)
         plan = plan_parts(gaps, cloth.exact)
-        path = build_axes(0.5 * own.diameter, own.position, gaps, cloth.exact, plan)
+        floats = swelling_floats(cloth, number, some)
+        path = build_axes(0.5 * own.diameter, own.position, gaps, cloth.exact, plan, floats)
         count = (2 * plan.pieces + plan.straight).ravel()
         station = np.arange(len(path.length)) + path.owner
         middle = 0.5 * (path.along[station] + path.along[station + 1])
@@ -256,13 +264,14 @@ class CrimpGeometry:
         base = number * cloth.drawdown.size + across * numbers
         nearest = np.searchsorted(0.5 * (place[1:] + place[:-1]), middle)
         basis = np.stack([np.ones(shape.size), shape.normal, shape.lateral])
+        sections = swell_section(shape, ring_shares(path, widening_room(cloth, number)[some]))
         return _Family(
             upper=upper,
             radius=np.repeat(path.radius, 3 * path.parts + 1),
             lateral=own.position,
             plan=plan,
             rest=_compute_rings(path, np.ones(len(path.length))),
-            tubes=Tubes(point, shape.size, path.parts, shape.aspect, shape.lens_aspect),
+            tubes=Tubes(point, shape.size, path.parts, shape.aspect, shape.lens_aspect, sections),
             shape=shape,
             cap=build_cap(shape.size) if cloth.caps and len(path.parts) else None,
             spread=np.kron(basis, np.eye(3)).astype(np.float64),
@@ -362,7 +371,14 @@ def _write_tube_points(
         if flat is not None:  # thinner all round: then the arcs of other yarns still touch it
             made[:, 1:] *= flat[here, None, None]
         points = out[first + begin * size : first + (begin + len(e)) * size]
-        np.matmul(made.reshape(-1, 9), spread, out=points.reshape(len(e), 3 * size))
+        if family.tubes.swelling is None:
+            np.matmul(made.reshape(-1, 9), spread, out=points.reshape(len(e), 3 * size))
+            return
+        lateral, normal = (one[here, :, None] for one in family.tubes.swelling)
+        swollen = points.reshape(len(e), size, 3)
+        np.multiply(normal, made[:, 1, None], out=swollen)
+        swollen += lateral * made[:, 2, None]
+        swollen += made[:, 0, None]
 
     for_each(range(0, len(shift), block), lambda: write_block)
 

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.geometry.axis_parts import Axes
+from spacemap_vtk.textile.geometry.swelling import share_along_floats
 from spacemap_vtk.textile.patches.bezier import rational_handles
 from spacemap_vtk.textile.weave.peirce import Crimp, solve
 from spacemap_vtk.textile.weave.threads import Yarns
@@ -166,9 +167,15 @@ def _radius_factors(gaps: Gaps, plan: PartPlan) -> Floats:
 
 
 def build_axes(
-    radius: Floats, lateral: Floats, gaps: Gaps, exact: bool = False, plan: PartPlan | None = None
+    radius: Floats,
+    lateral: Floats,
+    gaps: Gaps,
+    exact: bool = False,
+    plan: PartPlan | None = None,
+    floats: Bools | None = None,
 ) -> Axes:
     """Cut axes into parts; with a plan the number of parts does not depend on the heights."""
+    # `floats`: whether yarns lie over those that they cross, (yarns, crossings), if floats swell.
     height, rise = gaps.height, np.diff(gaps.height, axis=1)
     bounds = np.broadcast_to(gaps.bounds, height.shape)
     spacing, stretch = (np.broadcast_to(x, rise.shape) for x in (gaps.spacing, gaps.stretch))
@@ -220,6 +227,26 @@ def build_axes(
         full[start], full[last] = of_parts, at_ends
         return full
 
+    swelling = None
+    if floats is not None:
+        swelling = np.zeros((2, len(start) + len(last)))
+        reach_along = begin * np.sin(crimp.theta), end * np.sin(crimp.theta)
+        inner = slice(1, -1)
+        share = share_along_floats(floats, spacing[:, inner], *(r[:, inner] for r in reach_along))
+        at_bounds = np.stack(
+            [np.pad(share[0], ((0, 0), (1, 1)), mode="edge"), np.pad(share[1], ((0, 0), (1, 1)))]
+        )
+        swelling[:, start] = np.where(step == 0, at_bounds[:, row, column], 0.0)
+        swelling[:, last] = at_bounds[:, :, -1]
+        # Over yarns of unequal diameters a float has arcs: there the share runs between its ends.
+        same = np.pad(floats[:, 1:] == floats[:, :-1], ((0, 0), (1, 1)), constant_values=True)
+        within = np.flatnonzero(same[row, column] & (step > 0))
+        if len(within):
+            r, c = row[within], column[within]
+            t = (along[within] - bounds[r, c]) / (bounds[r, c + 1] - bounds[r, c])
+            mixed = at_bounds[:, r, c] * (1.0 - t) + at_bounds[:, r, c + 1] * t
+            swelling[0, start[within]] = mixed[0]
+            swelling[1, start[within]] = mixed[1]
     return Axes(
         radius,
         lateral,
@@ -232,4 +259,5 @@ def build_axes(
         reach=np.broadcast_to(reach, (2, len(reach))),
         weight=weight,
         cubic=False,
+        swelling=swelling,
     )

@@ -40,6 +40,8 @@ class Axes(NamedTuple):
     """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
     cubic: bool
     """Whether the parts are these cubics rather than arcs and straight parts."""
+    swelling: Floats | None = None
+    """(2, stations) Share of swelling and its slope along the cloth; None if no yarn swells."""
 
     @property
     def owner(self) -> Ints:

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.geometry.arcs import Gaps, build_axes, build_gaps
 from spacemap_vtk.textile.geometry.axis_parts import Axes, sample_places
 from spacemap_vtk.textile.geometry.spline import build_spline_axes
+from spacemap_vtk.textile.geometry.swelling import room_to_widen
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import YarnIndices
 
@@ -41,8 +42,26 @@ def family_axes(cloth: Cloth, number: int, some: YarnIndices) -> Axes:
         height = cloth.crossing_profile(number, some).height
         return build_spline_axes(own, crossed, height, cloth.families[number].overhang)
     return build_axes(
-        0.5 * own.diameter, own.position, woven_gaps(cloth, number, some), cloth.exact
+        0.5 * own.diameter,
+        own.position,
+        woven_gaps(cloth, number, some),
+        cloth.exact,
+        floats=swelling_floats(cloth, number, some),
     )
+
+
+def swelling_floats(cloth: Cloth, number: int, some: YarnIndices) -> Bools | None:
+    """Return whether yarns lie over those that they cross; None if their floats do not swell."""
+    if cloth.threads[number].shape != "lenticular" or cloth.layers is not None:
+        return None
+    # On the flats of racetracks there are more parts than crossings.
+    return None if cloth.threads[1 - number].has_flats else cloth.is_over(number, some)
+
+
+def widening_room(cloth: Cloth, number: int) -> Floats:
+    """Compute how much of the largest widening each end (0) or pick (1) has room for."""
+    yarns = cloth.yarns[number]
+    return room_to_widen(yarns.aspect * yarns.diameter, yarns.spacing)
 
 
 def woven_gaps(cloth: Cloth, number: int, some: YarnIndices = slice(None)) -> Gaps:

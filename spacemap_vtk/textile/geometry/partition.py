@@ -16,6 +16,7 @@ import numpy as np
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.swelling import RISE
 from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
@@ -255,6 +256,10 @@ def _outermost_yarns(cloth: Cloth, number: int) -> Ints:
         height = cloth.crossing_profile(number, some).height
         top[some], bottom[some] = height.max(axis=1), height.min(axis=1)
     chosen |= {int(np.argmax(top + radius)), int(np.argmin(bottom - radius))}
+    # Swollen floats are higher than other crowns.
+    for side, reach in ((upper, top + radius), (~upper, radius - bottom)):
+        floats = (side[:, 1:] & side[:, :-1]).any(axis=1)
+        chosen.add(int(np.argmax(np.where(floats, reach + 2.0 * RISE * radius, reach))))
     return np.array(sorted(chosen))
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.textile.geometry.swelling import swollen_changes
 from spacemap_vtk.textile.patches.bezier import arc_handle, quadrilateral_order, rational_handles
 from spacemap_vtk.textile.weave.lens import edge_angle, face_radius
 
@@ -32,6 +33,9 @@ class Section(NamedTuple):
     """Width over height."""
     lens_aspect: float = 1.0
     """The same for a lens; 1 for other sections."""
+
+    changes: tuple[Floats, Floats] | None = None
+    """Changes of lateral and normal, (k, m) each, that rings may have shares of."""
 
     @property
     def size(self) -> int:
@@ -85,6 +89,7 @@ def _build_lens(aspect: float, exact: bool) -> Section:
         0.0 if exact else radius * cubic_error(angle),
         aspect,
         aspect,
+        swollen_changes(aspect, exact),
     )
 
 

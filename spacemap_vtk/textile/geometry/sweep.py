@@ -58,6 +58,8 @@ class CentreLines(NamedTuple):
     """(parts,) Rational weight of the two inner control points; (1,) where all are 1."""
     sideways: Floats | None = None
     """(2, parts) Curvature towards the lateral; None if there is none."""
+    swelling: Floats | None = None
+    """(rings, k) Shares of the section's changes; None if all rings have the same section."""
 
     @property
     def owner(self) -> Ints:
@@ -83,6 +85,9 @@ class Tubes(NamedTuple):
     """Width of the section over its height."""
     lens_aspect: float = 1.0
     """The same for a lens; 1 for other sections."""
+    swelling: tuple[Floats, Floats] | None = None
+    """Lateral and normal positions on the section of each ring, (rings, ring) each, over half its
+    height; None if all rings have the same section."""
 
     @property
     def ends(self) -> Ints:
@@ -93,8 +98,19 @@ class Tubes(NamedTuple):
     def ring_centres(self, points: NDArray[Any]) -> NDArray[Any]:
         """Compute the centres of all rings, (rings, 3): control points of cubic Bézier curves."""
         rings = 3 * int(self.parts.sum()) + len(self.parts)
-        there = points[self.first : self.first + rings * self.ring]
-        return there.reshape(rings, self.ring, 3).mean(axis=1)
+        there = points[self.first : self.first + rings * self.ring].reshape(rings, self.ring, 3)
+        return there.mean(axis=1) if self.swelling is None else self.lens_frames(there)[0]
+
+    def lens_frames(self, rings: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Compute centres, and vectors to the top and to the edge, of lenses before swelling."""
+        bottom, top, left, right = (rings[:, place] for place in (6, 0, 9, 3))
+        lateral, normal = (
+            (np.array([[self.aspect]]), np.array([[1.0, -1.0]]))
+            if self.swelling is None
+            else (self.swelling[0][:, 3:4], self.swelling[1][:, [0, 6]])
+        )
+        up = (top - bottom) / (normal[:, :1] - normal[:, 1:])
+        return bottom - normal[:, 1:] * up, up, self.aspect * (right - left) / (2.0 * lateral)
 
 
 class SweptTubes(NamedTuple):
@@ -128,7 +144,10 @@ def sweep(
     """Sweep sections along centre lines; the lines of a bundle share a section."""
     plans, first_point, first_patch = [], 0, 0
     for lines, shape in bundles:
-        tubes = Tubes(first_point, shape.size, lines.parts, shape.aspect, shape.lens_aspect)
+        sections = swell_section(shape, lines.swelling)
+        tubes = Tubes(
+            first_point, shape.size, lines.parts, shape.aspect, shape.lens_aspect, sections
+        )
         plans.append(_BundlePlan(lines, shape, tubes, first_patch))
         first_point, first_patch = plans[-1].points.stop, plans[-1].patches.stop
     closings = [
@@ -223,9 +242,10 @@ def _fill_points(plan: _BundlePlan, flat_points: AnyFloats) -> None:
         out, started = points[:, :, component], False
         if out.dtype != np.float64:
             out = np.empty(out.shape)  # so that rounding happens once, at the end
+        lateral, normal = plan.tubes.swelling or (shape.lateral, shape.normal)
         for direction, bend, reaches in (
-            (up, lines.curvature, shape.normal),
-            (aside, lines.sideways, shape.lateral),
+            (up, lines.curvature, normal),
+            (aside, lines.sideways, lateral),
         ):
             # Directions that are zero in all frames are skipped, which saves most of the time.
             if _is_zero(direction) and (bend is None or _is_zero(along)):
@@ -247,6 +267,14 @@ def _fill_points(plan: _BundlePlan, flat_points: AnyFloats) -> None:
             out[:] = axis[:, None]
         if out.dtype != points.dtype:
             points[:, :, component] = out
+
+
+def swell_section(shape: Section, shares: Floats | None) -> tuple[Floats, Floats] | None:
+    """Compute lateral and normal positions, (rings, ring) each, of swollen sections."""
+    if shares is None or shape.changes is None:
+        return None
+    lateral, normal = shape.changes
+    return shape.lateral + shares @ lateral, shape.normal + shares @ normal
 
 
 def _values_at(values: Floats | float, index: Ints) -> Floats | float:

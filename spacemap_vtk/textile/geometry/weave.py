@@ -27,10 +27,12 @@ from spacemap_vtk.textile.geometry.cloth_axes import (
     YarnSelection,
     cloth_axes,
     family_axes,
+    widening_room,
 )
 from spacemap_vtk.textile.geometry.section import Section, build_cap, build_section, cubic_error
 from spacemap_vtk.textile.geometry.spline import offset_error
 from spacemap_vtk.textile.geometry.sweep import CentreLines, Tubes, sweep
+from spacemap_vtk.textile.geometry.swelling import ring_shares
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import Crimp
 
@@ -119,7 +121,10 @@ def build_weave(
         cloth.size,
     )
     numbers = np.arange(ends)[selection.ends], ends + np.arange(picks)[selection.picks]
-    lines = [_centre_lines(path, number, numbers[number]) for number, path in enumerate(paths)]
+    lines = [
+        _centre_lines(path, number, numbers[number], widening_room(cloth, number)[some])
+        for number, (path, some) in enumerate(zip(paths, selection, strict=True))
+    ]
     warp, weft = cloth.families
     cancel.check()
     return Weave(
@@ -146,7 +151,7 @@ def _family_sections(cloth: Cloth) -> tuple[Section, Section]:
     return warp, weft
 
 
-def _centre_lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
+def _centre_lines(path: Axes, number: int, numbers: Ints, widening: Floats) -> CentreLines:
     """Place axes in space: each yarn in a vertical plane."""
     cos, sin = np.cos(path.angle), np.sin(path.angle)
     aside = np.repeat(path.lateral, path.parts + 1)
@@ -162,6 +167,7 @@ def _centre_lines(path: Axes, number: int, numbers: Ints) -> CentreLines:
         curvature=path.curvature,
         reach=path.reach,
         weight=path.weight,
+        swelling=ring_shares(path, widening),
     )
 
 

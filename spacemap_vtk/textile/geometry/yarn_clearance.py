@@ -292,6 +292,13 @@ def _ring_net(points: Floats, weave: Weave, number: int) -> Floats:
     count = 3 * int(tubes.parts.sum()) + len(tubes.parts)
     here = slice(tubes.first, tubes.first + count * size)
     ring = points[here].reshape(count, size, 3)
+    net = np.empty((count, 13))
+    net[:, 12] = 1.0
+    if tubes.lens_aspect > 1.0:
+        # A lens has swollen away from the yarns that it touches, so its own section is measured.
+        net[:, 0:3], net[:, 3:6], net[:, 6:9] = tubes.lens_frames(ring)
+        net[:, 9:12] = 0.0
+        return net if weave.weights is None else net * weave.weights[here][::size, None]
     left, right = ring[:, size // 2 + 3], ring[:, 3]
     # A racetrack has two points on top, at both ends of its flat; a circle has one.
     top, bottom = (
@@ -299,13 +306,10 @@ def _ring_net(points: Floats, weave: Weave, number: int) -> Floats:
         0.5 * (ring[:, 6] + ring[:, size // 2 if size > 12 else 6]),
     )
     half = 0.5 * (right - left)
-    net = np.empty((count, 13))
     net[:, 0:3] = 0.25 * (left + right + top + bottom)
     net[:, 3:6] = 0.5 * (top - bottom)
-    flat = tubes.aspect / tubes.lens_aspect
-    net[:, 6:9] = half / flat
-    net[:, 9:12] = half * (1.0 - 1.0 / flat)
-    net[:, 12] = 1.0
+    net[:, 6:9] = half / tubes.aspect
+    net[:, 9:12] = half * (1.0 - 1.0 / tubes.aspect)
     if weave.weights is not None:
         net *= weave.weights[here].reshape(count, size)[:, :1]
     return net

@@ -1,0 +1,191 @@
+"""Swelling of lenticular yarns in floats, where only one side touches other yarns.
+
+In a float a yarn is free on its outer side. There its section swells: the outer side rises and
+becomes rounder, and the section becomes wider along the circle on which it touches other yarns, so
+that neighbouring floats close up. On that circle nothing overlaps (see
+`spacemap_vtk.textile.weave.lens`), as long as the yarns are no wider than their spacing.
+
+Swelling is described by a share s from 0 (a lens) to 1. It rises along the arc that leads into a
+float, is 1 in the middle of the float, and is negative where the outer side is below.
+"""
+
+from __future__ import annotations
+
+from math import asin, atan
+
+import numpy as np
+
+from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.textile.geometry.axis_parts import Axes
+from spacemap_vtk.textile.patches.bezier import rational_handles
+from spacemap_vtk.textile.weave.lens import edge_angle, face_radius
+
+#: Largest width over that of the lens.
+WIDEST = 1.15
+#: Largest width as a share of the spacing.
+_FILLED = 0.985
+#: Largest rise of the outer side, as a share of the height.
+RISE = 0.35
+#: Share of a half ellipse in the outer side; the rest is an arc.
+_ROUND = 0.8
+#: Half the largest width over the radius of the circle of contact; beyond, edges would be steep.
+_STEEPEST = 0.97
+#: Rise of the share s in the first half of a float of two crossings, over that in a longer one.
+_SHORT_FLOAT = 0.75
+
+
+def share_along_floats(
+    upper: Bools, spacing: Floats, before: Floats, after: Floats
+) -> tuple[Floats, Floats]:
+    """Compute the share of swelling at crossings.
+
+    Parameters
+    ----------
+    upper : ndarray of bool, shape (yarns, n)
+        Whether the yarns lie over the yarns that they cross.
+    spacing : ndarray of float, shape (yarns or 1, n - 1)
+        Lengths of the gaps between crossings, in metres.
+    before, after : ndarray of float, shape (yarns, n - 1)
+        Lengths along the cloth of the arc at the start and at the end of each gap, in metres.
+
+    Returns
+    -------
+    share, slope : ndarray of float, shape (yarns, n)
+        Share s, and its derivative along the yarn in 1/m. A yarn that floats at its first or last
+        crossing is fully swollen there, because the float may go on.
+    """
+    same = upper[:, 1:] == upper[:, :-1]
+    spacing = np.broadcast_to(spacing, same.shape)
+    goes_on = np.concatenate([same, same[:, -1:]], axis=1)
+    came = np.concatenate([same[:, :1], same], axis=1)
+    share = (goes_on & came).astype(np.float64)
+    slope = np.zeros(upper.shape)
+    # A cubic without curvature at its start leads into a float; from there on, another one reaches
+    # 1 in the next crossing, or in the middle of a float of two crossings.
+    for starts, gap, arc, way, beyond in (
+        (goes_on[:, 1:] & ~came[:, 1:], spacing, after, 1.0, goes_on[:, 1:]),
+        (came[:, :-1] & ~goes_on[:, :-1], spacing, before, -1.0, came[:, :-1]),
+    ):
+        inside = slice(1, None) if way > 0.0 else slice(None, -1)
+        # The float's next gap, and whether the float goes on past it.
+        following = np.roll(gap, -int(way), axis=1)
+        long_ = np.roll(beyond, -int(way), axis=1)
+        part = np.where(long_, 1.0, _SHORT_FLOAT)
+        reach = np.where(starts, arc, 1.0)
+        value = 1.0 / (1.0 + part * following / reach)
+        share[:, inside] = np.where(starts, value, share[:, inside])
+        slope[:, inside] = np.where(starts, way * 3.0 * value / reach, slope[:, inside])
+    sign = np.where(upper, 1.0, -1.0)
+    return sign * share, sign * slope
+
+
+def ring_shares(path: Axes, widening: Floats) -> Floats | None:
+    """Compute the shares of `swollen_changes` at the rings of control points of a family.
+
+    Parameters
+    ----------
+    path : Axes
+        Axes of some yarns.
+    widening : ndarray of float, shape (yarns,)
+        As from `room_to_widen`, for these yarns.
+
+    Returns
+    -------
+    ndarray of float, shape (rings, 4), or None
+        None if no yarn swells.
+    """
+    if path.swelling is None or not path.swelling[0].any():
+        return None
+    start = np.arange(len(path.length)) + path.owner
+    share, slope = path.swelling
+    third = (path.along[start + 1] - path.along[start]) / 3.0
+    rings = np.empty(3 * len(start) + len(path.parts))
+    first = 3 * np.arange(len(start)) + path.owner
+    rings[first] = share[start]
+    rings[first + 1] = share[start] + slope[start] * third
+    rings[first + 2] = share[start + 1] - slope[start + 1] * third
+    rings[3 * np.cumsum(path.parts) + np.arange(len(path.parts))] = share[path.last]
+    wide = np.repeat(widening, 3 * path.parts + 1)
+    above, below = np.maximum(rings, 0.0), np.maximum(-rings, 0.0)
+    return np.stack([above, wide * above, below, wide * below], axis=1)
+
+
+def room_to_widen(width: Floats, spacing: Floats) -> Floats:
+    """Compute how much of the largest widening each yarn has room for.
+
+    Parameters
+    ----------
+    width : ndarray of float, shape (n,)
+        Widths of the lenses, in metres.
+    spacing : ndarray of float, shape (n - 1,)
+        Distances between neighbours, in metres.
+
+    Returns
+    -------
+    ndarray of float, shape (n,)
+        From 0 to 1.
+    """
+    room = _FILLED * spacing / (0.5 * (width[1:] + width[:-1])) - 1.0
+    most = np.full(len(width), WIDEST - 1.0)
+    most[1:] = np.minimum(most[1:], room)
+    most[:-1] = np.minimum(most[:-1], room)
+    return np.clip(most, 0.0, None) / (WIDEST - 1.0)
+
+
+def swollen_changes(aspect: float, exact: bool) -> tuple[Floats, Floats]:
+    """Compute the changes of a lens' control points for full swelling.
+
+    Parameters
+    ----------
+    aspect : float
+        Width over height of the lens.
+    exact : bool
+        Whether the control points have the rational weights of the lens.
+
+    Returns
+    -------
+    lateral, normal : ndarray of float, shape (4, 12)
+        For a half height of 1: changes without widening and those of the largest widening, where
+        the outer side is above; the same where it is below. Any share of them keeps the contact
+        face inside the circle of contact, because chords lie inside a circle.
+    """
+    weight = float(rational_handles(edge_angle(aspect))[1]) if exact else 1.0
+    # The largest width must leave an edge on the circle of contact.
+    most = max(min(WIDEST * aspect, _STEEPEST * 2.0 * face_radius(aspect)), aspect)
+    lens = _swollen_ring(aspect, aspect, 0.0, 0.0, weight)
+    narrow = _swollen_ring(aspect, aspect, 2.0 * RISE, _ROUND, weight)
+    wide = _swollen_ring(aspect, most, 2.0 * RISE, _ROUND, weight)
+    above = np.stack([narrow - lens, wide - narrow])
+    below = above[:, :, (6 - np.arange(12)) % 12] * np.array([1.0, -1.0])[:, None]
+    lateral, normal = np.moveaxis(np.concatenate([above, below]), 1, 0)
+    return lateral, normal
+
+
+def _swollen_ring(aspect: float, half: float, rise: float, share: float, weight: float) -> Floats:
+    """Compute control points (2, 12) of a section of a half width, with its outer side above."""
+    radius, top = 2.0 * face_radius(aspect), 1.0 + rise
+    angle = asin(min(half / radius, 1.0))
+    edge = radius * (1.0 - np.cos(angle)) - 1.0
+    # Both from the middle to the edge; the lower face lies on the circle of contact.
+    face = _arc(radius, angle, weight)
+    face[1] -= 1.0
+    high = top - edge
+    outer = 2.0 * atan(high / half)
+    arc = _arc((half * half + high * high) / (2.0 * high), outer, weight)
+    ellipse = _arc(1.0, 0.5 * np.pi, weight) * [[half], [high]]
+    crown = (1.0 - share) * arc + share * ellipse
+    crown = np.stack([crown[0], top - crown[1]])
+    right = np.concatenate([crown[:, :3], face[:, :0:-1]], axis=1)
+    left = np.concatenate([face, crown[:, 2:0:-1]], axis=1)
+    return np.concatenate([right, left * [[-1.0], [1.0]]], axis=1)
+
+
+def _arc(radius: float, angle: float, weight: float) -> Floats:
+    """Compute a cubic (2, 4) with given inner weights that meets an arc in its middle."""
+    begin, end = np.zeros(2), radius * np.array([np.sin(angle), 1.0 - np.cos(angle)])
+    middle = radius * np.array([np.sin(0.5 * angle), 1.0 - np.cos(0.5 * angle)])
+    out, back = np.array([1.0, 0.0]), np.array([np.cos(angle), np.sin(angle)])
+    lack = (2.0 + 6.0 * weight) * middle - (1.0 + 3.0 * weight) * (begin + end)
+    way = out - back
+    handle = lack @ way / (3.0 * weight * (way @ way))
+    return np.stack([begin, begin + handle * out, end - handle * back, end], axis=1)

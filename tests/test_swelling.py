@@ -1,0 +1,123 @@
+"""Floats of lenticular yarns swell, stay inside their spacing, and overlap no other yarn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.swelling import RISE, WIDEST, swollen_changes
+from spacemap_vtk.textile.geometry.weave import Weave, build_weave
+from spacemap_vtk.textile.patches.tessellation import Tessellation
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.lens import DraftFamily, face_radius, fit_lenses
+from spacemap_vtk.textile.weave.threads import Threads
+
+WEAVES = {
+    "plain": np.indices((6, 6)).sum(axis=0) % 2 == 0,
+    "twill": np.indices((6, 6)).sum(axis=0) % 4 < 2,
+    "satin": (np.indices((6, 6)) * [[[2]], [[1]]]).sum(axis=0) % 5 == 0,
+    "random": np.random.default_rng(4).random((6, 6)) < 0.5,
+}
+
+
+def closed_cloth(drawdown: NDArray[Any], unequal: bool = False, exact: bool = False) -> Cloth:
+    """Return a cloth that lenses close, with unit spacings or unequal widths and spacings."""
+    random = np.random.default_rng(2)
+    families = []
+    for count in drawdown.shape[::-1]:
+        spacing = random.uniform(0.9, 1.2, count - 1) if unequal else np.ones(count - 1)
+        width = random.uniform(0.5, 0.8, count) if unequal else np.full(count, 0.9)
+        families.append(DraftFamily(width, spacing, None))
+    warp, weft = (
+        Threads(
+            diameter=shape.height,
+            spacing=family.spacing,
+            section="lenticular",
+            aspect=shape.aspect,
+        )
+        for shape, family in zip(fit_lenses(*families), families, strict=True)
+    )
+    return Cloth(drawdown=drawdown, warp=warp, weft=weft, exact=exact)
+
+
+def surface(weave: Weave, sides: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Return points and normals on the tubes, and the yarn of each."""
+    tubes = weave.patches[: weave.tube_patches]
+    points, normals = Tessellation(tubes, (3, 3), sides).evaluate(
+        weave.points, np.float64, weave.weights
+    )
+    yarn = np.empty(len(points), int)
+    for which, part in Tessellation(tubes, (3, 3), sides).views(yarn[:, None].astype(float)):
+        part[:] = weave.yarn[: weave.tube_patches][which][None, :, None]
+        yarn.reshape(-1)[_positions(part, points, which, sides)] = part.ravel().astype(int)
+    return points, normals, yarn
+
+
+def _positions(part: Any, points: Any, which: slice, sides: int) -> Any:
+    samples = (sides + 1) ** 2
+    return slice(which.start * samples, which.stop * samples)
+
+
+@pytest.mark.parametrize("unequal", [False, True])
+@pytest.mark.parametrize("weave", WEAVES)
+def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> None:
+    cloth = closed_cloth(WEAVES[weave], unequal)
+    points, normals, yarn = surface(build_weave(cloth), 16)
+    size, (ends, picks) = float(np.min(cloth.warp.diameter)), cloth.size
+    across, along = cloth.yarns[0].position, cloth.yarns[1].position
+    least = []
+    for end in range(ends):
+        for pick in range(picks):
+            over = cloth.drawdown[pick, end]
+            upper, lower = (end, ends + pick) if over else (ends + pick, end)
+            near = np.abs(points[:, :2] - [across[end], along[pick]]).max(axis=1) < 0.75
+            below = near & (yarn == upper) & (normals[:, 2] < 0.0)
+            above = near & (yarn == lower) & (normals[:, 2] > 0.0)
+            # The lower yarn's height is that of the tangent plane at its nearest point.
+            away, nearest = cKDTree(points[above, :2]).query(points[below, :2])
+            foot, up = points[above][nearest], normals[above][nearest]
+            beside = points[below] - foot
+            gap = (beside * up).sum(axis=1) / up[:, 2]
+            least.append(gap[away < 0.012].min())
+    # Tangent planes are too high by less than this.
+    assert min(least) > -1.5e-3 * size
+    assert max(least) < 1e-2 * size
+
+
+def test_neighbouring_floats_close_up_and_stay_apart() -> None:
+    cloth = closed_cloth(WEAVES["twill"])
+    points, _, yarn = surface(build_weave(cloth), 6)
+    width = max(np.ptp(points[yarn == end, 0]) for end in range(cloth.size[0]))
+    assert width == pytest.approx(0.985, abs=1e-3)
+    # A plain weave has no floats.
+    points, _, yarn = surface(build_weave(closed_cloth(WEAVES["plain"])), 6)
+    assert max(np.ptp(points[yarn == end, 0]) for end in range(4)) == pytest.approx(0.9, abs=1e-6)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize("aspect", [1.0, 1.4, 3.2, 8.0])
+def test_the_face_of_a_swollen_section_lies_in_the_circle_of_contact(
+    aspect: float, exact: bool
+) -> None:
+    lens = build_section("lenticular", aspect, exact)
+    lateral, normal = swollen_changes(aspect, exact)
+    radius = 2.0 * face_radius(aspect)
+    t = np.linspace(0.0, 1.0, 50)[:, None]
+    basis = np.hstack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3])
+    for share, wide in ((0.3, 0.0), (1.0, 0.0), (1.0, 1.0), (0.6, 0.4)):
+        x = lens.lateral + share * (lateral[0] + wide * lateral[1])
+        z = lens.normal + share * (normal[0] + wide * normal[1])
+        assert z[0] == pytest.approx(1.0 + share * 2.0 * RISE)
+        weights = basis * lens.weight[3:7]
+        weights /= weights.sum(axis=1, keepdims=True)
+        distance = np.hypot(weights @ x[3:7], weights @ z[3:7] - (radius - 1.0))
+        assert distance.max() < radius * (1.0 + 1e-5 if exact else 1.0 + 3e-4)
+        assert x[3] <= WIDEST * aspect * (1.0 + 1e-12)
+        # The same, upside down.
+        turned = lens.normal + share * (normal[2] + wide * normal[3])
+        assert turned == pytest.approx(-z[(6 - np.arange(12)) % 12])
