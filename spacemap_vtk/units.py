@@ -22,7 +22,7 @@ _LBF = 0.45359237 * GRAVITY
 UNITS: dict[str, dict[str, float]] = {
     "m": {
         **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9, "km": 1e3},
-        **{"in": _INCH, "inch": _INCH},
+        **{"in": _INCH, "inch": _INCH, "ft": 12 * _INCH, "yd": 36 * _INCH},
     },
     "Pa": {
         **{"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "TPa": 1e12},
@@ -32,7 +32,7 @@ UNITS: dict[str, dict[str, float]] = {
     # Yarns per length: handweavers write ends and picks per inch.
     "1/m": {
         **{"1/m": 1.0, "/m": 1.0, "/cm": 100.0, "/in": 1 / _INCH, "/inch": 1 / _INCH},
-        **{"epi": 1 / _INCH, "ppi": 1 / _INCH},
+        **{"epi": 1 / _INCH, "ppi": 1 / _INCH, "dpi": 1 / _INCH, "/10cm": 10.0},
     },
     "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},

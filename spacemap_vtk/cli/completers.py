@@ -29,6 +29,13 @@ def scenes_and_files(context: CompletionContext) -> Iterator[str]:
         yield f"{path}/" if isdir(path) else path
 
 
+def yarn_names(context: CompletionContext) -> Iterable[str]:
+    """List the yarns of the library."""
+    from spacemap_vtk.textile.weave.yarn_library import YARNS
+
+    return list(YARNS)
+
+
 def sections(context: CompletionContext) -> Iterable[str]:
     """List the sections of a scene file."""
     from spacemap_vtk.scenes.pipeline import section_classes

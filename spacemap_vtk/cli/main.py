@@ -67,6 +67,10 @@ COMMANDS = {
         "print_draft:print_draft",
         "Print a draft for the loom on as many pages as it needs.",
     ),
+    "plan": (
+        "plan:plan",
+        "Plan a project: from the finished size to ends, reed, warp length and yarn by colour.",
+    ),
     "sweep": ("sweep:sweep", "Run a scene for lists of values, with a table and a contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),
     "convert": ("draw:convert", "Convert a weaver's draft to another format."),
@@ -80,6 +84,7 @@ COMMANDS = {
     "validate": ("reports:validate", "Check a scene without drawing it."),
     "scenes": ("reports:scenes", "List the built-in scenes."),
     "materials": ("reports:materials", "List the measured fabrics that a cage can be made of."),
+    "yarns": ("plan:yarns", "List the yarns of the library, with counts, usual setts and sources."),
     "keys": ("reports:keys", "Explain the sections and keys of scene files."),
     "completion": ("completion:completion", "Print the completion script for bash, zsh or fish."),
     "gui": ("window:gui", "Open the window, to see a scene move and to change it."),

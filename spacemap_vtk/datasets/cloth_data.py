@@ -85,11 +85,12 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
         *cloth.size,
         cloth.height,
         nan if cloth.overhang is None else cloth.overhang,
-        nan if cloth.density is None else cloth.density,
+        nan if cloth.densities is None else cloth.densities[0],
         cloth.caps,
         cloth.exact,
         AXES.index(cloth.axis),
         *cloth.middle,
+        nan if cloth.densities is None else cloth.densities[1],
     )
     add_array(field, _MEASURES, np.array(measures, np.float64))
     if cloth.layers is not None:
@@ -118,8 +119,10 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         found = array_of(field, name, "a cloth").ravel().astype(np.float64)
         return found if len(found) > 1 else float(found[0])
 
-    measures = np.append(values(_MEASURES, 10, 8), [0.0, 0.0])[:10]
-    ends, picks, height, overhang, density, caps, exact, axis, *middle = measures.tolist()
+    # Older files have no middle, and one density for warp and weft.
+    measures = values(_MEASURES, 11, 10, 8)
+    measures = np.append(measures, [0.0, 0.0, measures[4]][len(measures) - 8 :])
+    ends, picks, height, overhang, density, caps, exact, axis, *middle, other = measures.tolist()
     threads = []
     for family in FAMILIES:
         name = _PREFIX + family
@@ -152,7 +155,7 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
         weft=threads[1],
         crimp_height=height,
         overhang=overhang if overhang < inf else None,
-        density=density if density < inf else None,
+        density=None if not density < inf else density if density == other else (density, other),
         caps=bool(caps),
         exact=bool(exact),
         axis=AXES[int(axis)],

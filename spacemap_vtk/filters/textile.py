@@ -200,7 +200,10 @@ class Woven(Textile):
     def linear_densities(self) -> Floats | None:
         """Mass per length of each yarn [kg/m], (yarns,)."""
         cloth = self.cloth
-        if cloth.density is None:
+        if cloth.densities is None:
             return None
-        areas = [section_factor(y.aspect, y.section) * y.diameter**2 for y in cloth.yarns]
-        return cloth.density * np.concatenate(areas)
+        masses = [
+            density * section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
+            for density, yarns in zip(cloth.densities, cloth.yarns, strict=True)
+        ]
+        return np.concatenate(masses)

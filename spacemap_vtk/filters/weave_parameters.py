@@ -18,6 +18,7 @@ from spacemap_vtk.parameters import (
     Parameterised,
     Real,
     Series,
+    Text,
 )
 from spacemap_vtk.textile.drafts import drawdown, patterns
 from spacemap_vtk.textile.weave.cloth import AXES
@@ -25,6 +26,7 @@ from spacemap_vtk.textile.weave.families import FAMILIES
 from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.textile.weave.threads import SECTIONS
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, parse_twist, parse_yarn_count
+from spacemap_vtk.textile.weave.yarn_library import GRAMMAR, parse_yarn
 
 _P = TypeVar("_P", bound=Parameter[Any])
 #: Words for warp and weft in the parameters' texts; `crossed` is the number of the other family.
@@ -103,6 +105,16 @@ class YarnCount(Real):
         )
 
 
+class YarnName(Text):
+    """The name of a yarn, as in the library of yarns."""
+
+    expected = GRAMMAR
+
+    def convert(self, value: Any) -> str:
+        """Return the name in canonical spelling."""
+        return parse_yarn(super().convert(value)).name
+
+
 class Twist(Real):
     """The twist of a yarn, in turns per metre."""
 
@@ -173,7 +185,7 @@ class WeaveParameters(Parameterised):
                 plausible=_YARNS,
                 usual_units="mm",
             ),
-            automatic="from the yarn count, the draft's thickness, or half the spacing",
+            automatic="from the yarn or its count, the draft's thickness, or half the spacing",
             group="Yarn",
         )
     )
@@ -189,6 +201,15 @@ class WeaveParameters(Parameterised):
                 usual_units="tex, Ne, Nm",
             ),
             automatic="from the diameter",
+            group="Yarn",
+        )
+    )
+    warp_yarn, weft_yarn = declare_both(
+        YarnName(
+            None,
+            'Yarn of the {name} by its name, as "20/2 cotton", instead of its count: it also sets '
+            'the density of the fibres, their packing and the plies (see "spacemap yarns").',
+            automatic="no yarn is named",
             group="Yarn",
         )
     )
@@ -356,7 +377,7 @@ class WeaveParameters(Parameterised):
                 minimum=1,
                 maximum=12,
             ),
-            automatic="1: singles",
+            automatic="those of the yarn, or 1: singles",
             group="Twist and colour",
         )
     )

@@ -29,13 +29,14 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.feasible import feasible_intervals
 from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.textile.weave.resolve import ClothRequest, ThreadsRequest, resolve
+from spacemap_vtk.textile.weave.yarn_library import parse_yarn
 
 #: Ends and picks of a pattern if no number is given.
 SIZE = 7
 #: Groups of parameters that follow from each other, so that only one of a group may be given.
 _ALTERNATIVES = (
-    ("warp_diameter", "warp_count"),
-    ("weft_diameter", "weft_count"),
+    ("warp_diameter", "warp_count", "warp_yarn"),
+    ("weft_diameter", "weft_count", "weft_yarn"),
     ("warp_spacing", "warp_sett"),
     ("weft_spacing", "weft_sett"),
     ("warp_crimp_height", "warp_crimp", "weft_crimp"),
@@ -131,8 +132,10 @@ class WeaveSource(WeaveParameters, Woven, Stage):
 
     @property
     def fibre_share(self) -> float:
-        """Share of fibre in a yarn's section; the rest is air."""
-        return self.packing
+        """Share of fibre in a yarn's section; the mean of warp and weft."""
+        names = self.warp_yarn, self.weft_yarn
+        shares = [parse_yarn(n).material.packing if n else self.packing for n in names]
+        return 0.5 * sum(shares)
 
     def make_draft(self) -> Draft:
         """Return the fabric's draft: that of the file, as far as no parameter changes it."""

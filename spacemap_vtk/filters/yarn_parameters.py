@@ -123,7 +123,7 @@ class YarnParameters(Parameterised):
         tension, modulus = WarpAndWeft.pair(self.tension), WarpAndWeft.pair(self.modulus)
         if modulus is None:
             return rest if tension is None else rest._replace(tension=tension)
-        if cloth.density is None:
+        if cloth.densities is None:
             raise InputError(
                 "a modulus needs the yarn count, which this cloth does not have",
                 key="modulus",
@@ -133,7 +133,7 @@ class YarnParameters(Parameterised):
         each = np.empty((2, *cloth.drawdown.shape))
         for number, (yarns, size) in enumerate(zip(cloth.yarns, modulus, strict=True)):
             area = section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
-            force = size * cloth.density * area
+            force = size * cloth.densities[number] * area
             each[number] = force[:, None] if number else force
         return rest._replace(tension=each)
 

@@ -10,6 +10,7 @@ from spacemap_vtk.jobs.film import FilmJob
 from spacemap_vtk.jobs.job import JOBS, Context, Job, Times, job_from_json, make_job, register
 from spacemap_vtk.jobs.moving_surface import ModesJob, MovingJob
 from spacemap_vtk.jobs.picture import PictureJob
+from spacemap_vtk.jobs.plan import PlanJob
 from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob
 from spacemap_vtk.jobs.print_draft import PrintJob
 from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
@@ -25,6 +26,7 @@ __all__ = [
     "ModesJob",
     "MovingJob",
     "PictureJob",
+    "PlanJob",
     "PlotJob",
     "PrintJob",
     "ShapesJob",

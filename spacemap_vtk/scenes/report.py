@@ -325,11 +325,12 @@ def report_cloth(scene: Scene) -> dict[str, Any]:
         figures["memory_bytes"] = counts.estimate_bytes(woven.exact)
     loom = textile.source.find_loom(over)
     floats, means = drawdown.longest_floats(over), drawdown.mean_floats(over)
+    densities = woven.densities or (None, None)
     for number, (family, threads) in enumerate(zip(FAMILIES, woven.threads, strict=True)):
         colors = np.unique(threads.colors, axis=0)
         figures[family] = figures.get(family, dict(_NO_YARN_FIGURES)) | {
             "yarns": over.shape[1 - number],
-            **_report_yarns(threads, woven.density),
+            **_report_yarns(threads, densities[number]),
             "longest_float": floats[number],
             "mean_float": means[number],
             "colors": ["#{:02x}{:02x}{:02x}".format(*color) for color in colors.tolist()],

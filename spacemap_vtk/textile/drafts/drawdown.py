@@ -7,7 +7,7 @@ at the bottom and the first end at the left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -171,8 +171,12 @@ def _row_error(number: int, row: object, what: str) -> InputError:
 
 
 def _period(lines: Bools) -> int:
-    """Find the period of the lines with the failure function of Knuth, Morris and Pratt."""
-    words = [line.tobytes() for line in np.packbits(lines, axis=1)]
+    return period([line.tobytes() for line in np.packbits(lines, axis=1)])
+
+
+def period(words: Sequence[Hashable]) -> int:
+    """Find the smallest number of items after which a sequence repeats, as far as it goes."""
+    # The failure function of Knuth, Morris and Pratt.
     border = [0] * len(words)
     for i in range(1, len(words)):
         k = border[i - 1]

@@ -82,7 +82,7 @@ def fibre_count(cloth: Cloth) -> int:
         At least 20, and at most the number that can be drawn.
     """
     area = np.mean(cloth.strands[2] ** 2) * pi / 4
-    return int(np.clip((cloth.density or 900.0) * area / FIBRE, 20, _MOST))
+    return int(np.clip(float(np.mean(cloth.densities or 900.0)) * area / FIBRE, 20, _MOST))
 
 
 def build_strand_curves(

@@ -116,8 +116,9 @@ class Cloth:
     axis : {"arcs", "spline"}
         Shape of a yarn's axis: Peirce's arc - straight - arc, or the cubic spline through the
         crossings. A spline has no jumps in curvature, but does not keep yarns at a distance.
-    density : float, optional
-        Mass per volume of yarn, including the air between its fibres, in kg/m3.
+    density : float or tuple of 2 float, optional
+        Mass per volume of yarn, including the air between its fibres, in kg/m3; one value, or one
+        for the warp and one for the weft.
     middle : tuple of 2 float
         Position of the middle between first and last end, and between first and last pick, in
         metres. Used to place a part of a cloth in the whole cloth.
@@ -153,7 +154,7 @@ class Cloth:
     caps: bool = True
     exact: bool = False
     axis: str = AXES[0]
-    density: float | None = None
+    density: float | tuple[float, float] | None = None
     middle: tuple[float, float] = (0.0, 0.0)
     warnings: tuple[str, ...] = ()
     layers: Layers | None = None
@@ -175,6 +176,13 @@ class Cloth:
             One measure contradicts another.
         """
         _ = self.height
+
+    @property
+    def densities(self) -> tuple[float, float] | None:
+        """Mass per volume of the warp's and of the weft's yarn, in kg/m3; None if not known."""
+        if isinstance(self.density, tuple) or self.density is None:
+            return self.density
+        return self.density, self.density
 
     @cached_property
     def diameter_sum(self) -> float:

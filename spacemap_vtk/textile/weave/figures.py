@@ -40,7 +40,8 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
         - ``cover``: K1 + K2 - K1 K2, the share of the plane that the yarns cover;
         - ``volume_fraction``: V / thickness, with the volume of yarn per area
           V = A1 (1 + c1) / p1 + A2 (1 + c2) / p2, section areas A, and the crimp of each yarn;
-        - ``areal_mass``: density V (kg/m2), None for a cloth without a density.
+        - ``areal_mass``: sum of density V of both families (kg/m2), None for a cloth without a
+          density.
 
     Examples
     --------
@@ -51,11 +52,10 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
     (0.2, 0.75)
     """
     result: dict[str, Any] = dict(zip(("ends", "picks"), cloth.size, strict=True))
-    volume = 0.0
+    volume, areal_mass, densities = 0.0, 0.0, cloth.densities
     for number, (name, family) in enumerate(zip(FAMILIES, cloth.families, strict=True)):
         yarns, across = cloth.yarns[number], cloth.yarns[1 - number].spacing.sum()
-        excess = _excess_lengths(cloth, number)
-        crimp = excess / across if across > 0.0 else np.zeros_like(excess)
+        crimp = yarn_crimps(cloth, number)
         result[name] = {
             "theta_deg": float(np.degrees(family.crimp.theta)),
             "length": float(family.crimp.length),
@@ -63,17 +63,40 @@ def fabric_figures(cloth: Cloth) -> dict[str, Any]:
             "height": family.height,
             "mean_crimp": float(crimp.mean()),
             "cover": family.width / family.spacing,
-            "yarn_length": float(len(crimp) * (2 * family.overhang + across) + excess.sum()),
+            "yarn_length": float((2 * family.overhang + across * (1.0 + crimp)).sum()),
         }
         area = section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
-        volume += float(np.mean(area * (1.0 + crimp))) / family.spacing
+        own_volume = float(np.mean(area * (1.0 + crimp))) / family.spacing
+        volume += own_volume
+        areal_mass += 0.0 if densities is None else densities[number] * own_volume
     k1, k2 = result["warp"]["cover"], result["weft"]["cover"]
     result["cloths"] = len(cloth.sheets)
     result["thickness"] = thickness = cloth.sheet_thickness + 2.0 * cloth.level
     result["cover"] = k1 + k2 - k1 * k2
     result["volume_fraction"] = volume / thickness
-    result["areal_mass"] = None if cloth.density is None else cloth.density * volume
+    result["areal_mass"] = None if densities is None else areal_mass
     return result
+
+
+def yarn_crimps(cloth: Cloth, family: int) -> Floats:
+    """Compute the crimp of each yarn as built, including its floats.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        As for `build`.
+    family : int
+        0 for the ends, 1 for the picks.
+
+    Returns
+    -------
+    (n,) ndarray
+        Length of the axis over its straight projection, minus 1, from the first to the last
+        crossing.
+    """
+    across = cloth.yarns[1 - family].spacing.sum()
+    excess = _excess_lengths(cloth, family)
+    return excess / across if across > 0.0 else np.zeros_like(excess)
 
 
 def _excess_lengths(cloth: Cloth, number: int) -> Floats:

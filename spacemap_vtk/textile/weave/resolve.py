@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spacemap_vtk.errors import InfoMessage, InputError
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -18,7 +19,8 @@ from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
 from spacemap_vtk.textile.weave.lens import DraftFamily, fit_lenses, neighbour_means
 from spacemap_vtk.textile.weave.thick_yarns import WIDTH_SHARE, flatten_yarns, scale_yarns
 from spacemap_vtk.textile.weave.threads import Lengths, Threads, collapse_equal, repeat_values
-from spacemap_vtk.textile.weave.yarn import section_area, yarn_height
+from spacemap_vtk.textile.weave.yarn import yarn_height
+from spacemap_vtk.textile.weave.yarn_library import parse_yarn
 
 #: Default distance between yarns, in m.
 SPACING = 0.5e-3
@@ -49,6 +51,7 @@ class ThreadsRequest:
 
     diameter: Wanted | None
     count: Wanted | None
+    yarn: str | None
     spacing: Wanted | None
     sett: float | None
     crimp: float | None
@@ -62,7 +65,12 @@ class ThreadsRequest:
     @property
     def has_thickness(self) -> bool:
         """Whether the thickness of the yarns is given."""
-        return self.diameter is not None or self.count is not None
+        return self.diameter is not None or self.linear_density is not None
+
+    @property
+    def linear_density(self) -> Wanted | None:
+        """Mass per length of the yarns, in kg/m: their count, or that of the named yarn."""
+        return self.count if self.yarn is None else parse_yarn(self.yarn).linear_density
 
     @property
     def can_fit_lens(self) -> bool:
@@ -102,7 +110,7 @@ class ClothRequest:
             return False
         if all(family.section == "lenticular" for family in families):
             return True
-        counted = any(family.count is not None for family in families)
+        counted = any(family.linear_density is not None for family in families)
         return self.thick_yarns == "lens" and (self.from_file or counted)
 
 
@@ -136,6 +144,7 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
     closed = request.closes_cloth and layers is None
     if closed:
         warp, weft = _close_cloth(draft, request, warp, weft)
+    densities = _bulk_density(request.warp, request), _bulk_density(request.weft, request)
     cloth = Cloth(
         drawdown=tile_drawdown(draft.drawdown, ends, picks),
         warp=warp,
@@ -145,7 +154,7 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         caps=request.caps,
         exact=request.exact,
         axis=request.axis,
-        density=request.packing * request.fibre_density,
+        density=densities[0] if densities[0] == densities[1] else densities,
         warnings=(*draft.warnings, *messages),
         layers=layers,
         layer_gap=request.layer_gap,
@@ -211,6 +220,19 @@ def _default_filling(layers: Layers | None) -> float:
     return LAYERED_FILLING * (2.0 if apart and not any(layers.has_changes) else 1.0)
 
 
+def _bulk_density(request: ThreadsRequest, fibres: ClothRequest) -> float:
+    """Return the mass per volume of a family's yarn, by its name or by the cloth's fibres."""
+    if request.yarn is not None:
+        return parse_yarn(request.yarn).bulk_density
+    return fibres.packing * fibres.fibre_density
+
+
+def _section_area(request: ThreadsRequest, fibres: ClothRequest, count: int) -> Floats:
+    """Return the area of each yarn's section, of yarns whose mass per length is given."""
+    linear = np.asarray(request.linear_density, dtype=np.float64)
+    return np.resize(linear / _bulk_density(request, fibres), count)
+
+
 def _resolve_threads(
     own: DraftThreads,
     request: ThreadsRequest,
@@ -224,10 +246,9 @@ def _resolve_threads(
     aspect = request.aspect or _default_aspect(request, section, spacing)
     diameter: Lengths
     size = "given"
-    if request.count is not None:
-        linear = np.asarray(request.count, dtype=np.float64)
-        area = section_area(linear, fibres.fibre_density, fibres.packing)
-        diameter = repeat_values(yarn_height(area, aspect, section), count)
+    if request.linear_density is not None:
+        area = _section_area(request, fibres, count)
+        diameter = collapse_equal(yarn_height(area, aspect, section))
     elif request.diameter is not None:
         diameter = repeat_values(request.diameter, count)
     elif own.thickness is not None:
@@ -251,8 +272,12 @@ def _resolve_threads(
         crimp=request.crimp,
         colors=np.resize(np.asarray(chosen, dtype=np.uint8), (count, 3)),
         twist=None if request.twist is None else repeat_values(request.twist, count),
-        plies=repeat_values(request.plies or 1.0, count),
+        plies=repeat_values(request.plies or _usual_plies(request), count),
     )
+
+
+def _usual_plies(request: ThreadsRequest) -> float:
+    return 1.0 if request.yarn is None else float(parse_yarn(request.yarn).plies)
 
 
 def _default_aspect(request: ThreadsRequest, section: str, spacing: Lengths) -> float:
@@ -276,11 +301,8 @@ def _close_cloth(
     ):
         count, spacing = len(threads.colors), np.asarray(threads.spacing)
         area = None
-        if wanted.count is not None:
-            linear = np.asarray(wanted.count, dtype=np.float64)
-            area = np.asarray(
-                repeat_values(section_area(linear, request.fibre_density, request.packing), count)
-            )
+        if wanted.linear_density is not None:
+            area = _section_area(wanted, request, count)
             width = np.sqrt(area)
         elif own.thickness is not None:
             width = np.asarray(repeat_values(own.thickness, count))

@@ -1,10 +1,12 @@
 """Yarn counts and twist: parse how yarns are sold, and compute linear density and diameter.
 
 Direct systems give the mass of a length of yarn (tex: g in 1000 m, denier: g in 9000 m). Indirect
-systems give the length of a mass (Nm: 1000 m in a kg, Ne: hanks of 840 yards in a pound).
+systems give the length of a mass (Nm: 1000 m in a kg, Ne: hanks of 840 yards in a pound; a hank of
+worsted has 560 yards, a lea of linen 300, a run of woollen yarn 1600).
 
-Source: W. E. Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres", 4th ed. (2008),
-appendix of units, and table 5.1 for the density of cotton.
+Sources: W. E. Morton, J. W. S. Hearle, "Physical Properties of Textile Fibres", 4th ed. (2008),
+appendix of units, and table 5.1 for the density of cotton; T. Woodhouse, "Yarn Counts and
+Calculations" (1921), for the counts of worsted, linen and woollen yarns.
 """
 
 from __future__ import annotations
@@ -26,8 +28,17 @@ OneOrMany = TypeVar("OneOrMany", float, Floats)
 COTTON = 1520.0
 #: Share of fibre in the section of common spun yarns.
 PACKING = 0.6
-#: Linear density in kg/m of count 1: 840 yards (0.9144 m each) per pound, and 1000 m per kg.
-_INDIRECT = {"ne": 0.45359237 / (840 * 0.9144), "nec": 0.45359237 / (840 * 0.9144), "nm": 1e-3}
+#: Mass of a pound over the length of a yard, in kg/m.
+_POUND_PER_YARD = 0.45359237 / 0.9144
+#: Linear density in kg/m of count 1 of the indirect systems.
+_INDIRECT = {
+    "ne": _POUND_PER_YARD / 840,
+    "nec": _POUND_PER_YARD / 840,
+    "nek": _POUND_PER_YARD / 560,
+    "nel": _POUND_PER_YARD / 300,
+    "run": _POUND_PER_YARD / 1600,
+    "nm": 1e-3,
+}
 #: Angle between the outer fibres of a spun yarn and its axis: 30 tex cotton has it at a usual twist
 #: factor of 3800 turns/m sqrt(tex).
 _USUAL_ANGLE = radians(24.0)
@@ -46,10 +57,11 @@ def parse_yarn_count(text: str) -> float:
     Parameters
     ----------
     text : str
-        ``"30 tex"``, ``"150 den"`` or ``"300 dtex"``; ``"40 Ne"`` or ``"20 Nm"``, also with the
-        system first. Of two numbers, as in ``"Ne 30/2"`` and ``"2/60 Nm"``, the larger is the count
-        of the single yarn and the smaller the number of plies. ``"20/2"`` without a system is a
-        cotton count, ``"Ne 20/2"``, as handweavers write it. A single number is in kg/m.
+        ``"30 tex"``, ``"150 den"`` or ``"300 dtex"``; ``"40 Ne"`` (cotton), ``"20 Nm"``,
+        ``"18 NeK"`` (worsted), ``"16 NeL"`` (linen) or ``"5 run"`` (woollen), also with the system
+        first. Of two numbers, as in ``"Ne 30/2"`` and ``"2/60 Nm"``, the larger is the count of the
+        single yarn and the smaller the number of plies. ``"20/2"`` without a system is a cotton
+        count, ``"Ne 20/2"``, as handweavers write it. A single number is in kg/m.
 
     Returns
     -------

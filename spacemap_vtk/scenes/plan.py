@@ -1,0 +1,362 @@
+"""The weaver's plan of a scene.
+
+The take-up comes from the geometry of the cloth with the plan's yarns and setts. What the user does
+not give is assumed, and the plan says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import lcm
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.filters.textile import Woven
+from spacemap_vtk.filters.weave_parameters import WeaveParameters, parameter_name
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parameters import Parameterised, Series
+from spacemap_vtk.scenes.plan_settings import PlanSettings
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts.drawdown import mean_floats
+from spacemap_vtk.textile.plan.project import PlannedDraft, Project, ProjectRequest, plan_project
+from spacemap_vtk.textile.plan.reed import (
+    IMPERIAL_REEDS,
+    METRIC_REEDS,
+    Sleying,
+    choose_sleying,
+)
+from spacemap_vtk.textile.plan.sett import USUAL_SHARE, largest_sett
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.families import FAMILIES
+from spacemap_vtk.textile.weave.figures import yarn_crimps
+from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
+from spacemap_vtk.textile.weave.yarn_library import Yarn, parse_yarn
+from spacemap_vtk.units import UNITS
+
+#: Longest repeat of a draft and its lists of colours together.
+_LONGEST_REPEAT = 4096
+#: Take-up of yarns that do not fit as they are drawn.
+_UNKNOWN_TAKE_UP = 0.1
+_HANDWOVEN = 'S. Bateman and M. Parsons, "Planning a Weaving Project", Handwoven (2022)'
+
+
+class Losses(NamedTuple):
+    """Draw-in and shrinkage of cloth of a material."""
+
+    draw_in: float
+    shrinkage: float
+    source: str
+
+
+#: Losses if nothing is known about the material.
+_USUAL_LOSSES = Losses(0.05, 0.1, f"{_HANDWOVEN}: 10 % without a sample; draw-in as for cotton")
+#: Draw-in and shrinkage by material. Only a sample tells more.
+LOSSES = {
+    "cotton": Losses(
+        0.05,
+        0.1,
+        "published projects: 8/2 cotton 20.9 to 18 in, 10/2 cotton 15 % in all (draw-in and "
+        "shrinkage)",
+    ),
+    "linen": Losses(
+        0.03, 0.04, 'L. Fry, "Dimensional loss" (2010); Linencharm: shrinkage 3 to 5 %'
+    ),
+    "tencel": Losses(
+        0.06, 0.1, f'M. Petrini, "Draw-in" (2023): 4.5 to 7.4 %; shrinkage: {_HANDWOVEN}'
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScenePlan:
+    """The plan of a scene."""
+
+    title: str
+    settings: PlanSettings
+    project: Project
+    #: Named yarns of warp and weft; None where only a thickness or a count is known.
+    yarns: tuple[Yarn | None, Yarn | None]
+    #: Largest setts of warp and weft by Ashenhurst's rule, in 1/m; None without named yarns.
+    largest_setts: tuple[float, float] | None
+    #: Wanted sett of the warp, in 1/m, from which that of the sleying differs.
+    wanted_sett: float
+    #: The best reeds, that of the project first.
+    reeds: list[Sleying]
+    #: Sentences about what was not given.
+    assumed: list[str] = field(default_factory=list)
+
+
+def plan_scene(scene: Scene, settings: PlanSettings) -> ScenePlan:
+    """Plan the project of a scene; how many ends and picks it draws does not matter."""
+    woven = scene.woven
+    if woven is None:
+        raise InputError(
+            f"{scene.file or scene.title}: the scene is not woven, so nothing can be planned"
+        )
+    assumed: list[str] = []
+    with scene.add_file_to_errors():
+        yarns = _named_yarns(woven, settings)
+        unit = _repeat_once(woven, yarns)
+        largest = _largest_setts(unit.cloth, unit.size, yarns)
+        warp_sett, weft_sett = _choose_setts(woven, settings, unit.cloth, yarns, largest, assumed)
+        unit = _repeat_once(woven, yarns, (warp_sett, weft_sett))
+        draft = _planned_draft(unit, settings, yarns, assumed)
+    sleyings = choose_sleying(warp_sett, _reeds(settings))
+    losses = [_losses(yarn) for yarn in yarns]
+    assumed += _assumed_losses(settings, losses)
+    picks, ends = draft.drawdown.shape
+    request = ProjectRequest(
+        width=settings.width or 1.0,
+        length=settings.length or 1.0,
+        pieces=settings.pieces,
+        hem=settings.hem,
+        fringe=settings.fringe,
+        ends=settings.ends or (ends if settings.width is None else None),
+        picks=settings.picks or (picks if settings.length is None else None),
+        sleying=sleyings[0],
+        weft_sett=weft_sett,
+        draw_in=_or_usual(settings.draw_in, losses[1].draw_in),
+        warp_shrinkage=_or_usual(settings.shrinkage, losses[0].shrinkage),
+        weft_shrinkage=_or_usual(settings.width_shrinkage, losses[1].shrinkage),
+        waste=settings.waste,
+        sample=settings.sample,
+        floating=settings.floating,
+        allowance=settings.allowance,
+    )
+    return ScenePlan(
+        title=scene.title,
+        settings=settings,
+        project=plan_project(draft, request),
+        yarns=yarns,
+        largest_setts=largest,
+        wanted_sett=warp_sett,
+        reeds=sleyings,
+        assumed=assumed,
+    )
+
+
+class _Unit(NamedTuple):
+    """A draft once, as a cloth with one more end and pick, so that all its gaps are there."""
+
+    woven: Woven
+    cloth: Cloth
+    #: Numbers of ends and picks of the draft.
+    size: tuple[int, int]
+
+
+def _repeat_once(
+    woven: Woven,
+    yarns: tuple[Yarn | None, Yarn | None],
+    setts: tuple[float, float] | None = None,
+) -> _Unit:
+    """Make the draft once, with the yarns and setts of the plan."""
+    if not isinstance(woven, WeaveParameters):
+        return _Unit(woven, woven.cloth, woven.cloth.size)
+    size, changes = [], {}
+    for family, count in enumerate(woven.source.size):
+        # Lists of values are repeated over the yarns, so the repeat may be longer than the weave's.
+        names = [name for name in woven.parameters if name.startswith(f"{FAMILIES[family]}_")]
+        lists = [
+            woven.parameter(name).items(getattr(woven, name))
+            for name in names
+            if isinstance(woven.parameter(name), Series)
+        ]
+        whole = lcm(count, *(len(each) for each in lists if each))
+        size.append(whole if whole <= _LONGEST_REPEAT else count)
+        if (yarn := yarns[family]) is not None:
+            changes |= dict.fromkeys(
+                (parameter_name(each, family) for each in ("count", "diameter")), None
+            )
+            changes[parameter_name("yarn", family)] = yarn.name
+        if setts is not None:
+            changes[parameter_name("spacing", family)] = None
+            changes[parameter_name("sett", family)] = setts[family]
+    made = type(woven)(**{**woven.settings, **changes, "ends": size[0] + 1, "picks": size[1] + 1})
+    return _Unit(made, made.cloth, (size[0], size[1]))
+
+
+def _named_yarns(woven: Woven, settings: PlanSettings) -> tuple[Yarn | None, Yarn | None]:
+    """Return the named yarns: those of the plan, or those of the scene."""
+    own = [getattr(woven, parameter_name("yarn", family), None) for family in (0, 1)]
+    warp, weft = settings.warp_yarn or own[0], settings.weft_yarn or own[1]
+    if settings.warp_yarn and weft is None:
+        weft = warp
+    return (
+        None if warp is None else parse_yarn(warp),
+        None if weft is None else parse_yarn(weft),
+    )
+
+
+def _largest_setts(
+    cloth: Cloth, size: tuple[int, int], yarns: tuple[Yarn | None, Yarn | None]
+) -> tuple[float, float] | None:
+    """Return the largest setts by Ashenhurst's rule; of two cloths, the sum of both."""
+    warp, weft = yarns
+    if warp is None or weft is None:
+        return None
+    drawdowns = [cloth.drawdown[: size[1], : size[0]]]
+    layers = cloth.layers
+    if layers is not None and layers.ends is not None and layers.picks is not None:
+        ends, picks = layers.ends[: size[0]], layers.picks[: size[1]]
+        drawdowns = [drawdowns[0][np.ix_(picks == one, ends == one)] for one in (False, True)]
+    found = [0.0, 0.0]
+    for drawdown in drawdowns:
+        of_warp, of_weft = mean_floats(drawdown)
+        own = warp.diameters_per_metre, weft.diameters_per_metre
+        found[0] += largest_sett(own[0], own[1], of_weft)
+        found[1] += largest_sett(own[1], own[0], of_warp)
+    return found[0], found[1]
+
+
+def _choose_setts(
+    woven: Woven,
+    settings: PlanSettings,
+    cloth: Cloth,
+    yarns: tuple[Yarn | None, Yarn | None],
+    largest: tuple[float, float] | None,
+    assumed: list[str],
+) -> tuple[float, float]:
+    """Choose the setts: the plan's, the scene's, the yarn's, the draft's, in this order."""
+    drawn = [
+        1.0 / threads.mean_spacing(threads.aspect * threads.mean_diameter)
+        for threads in cloth.threads
+    ]
+    given = woven.given_values if isinstance(woven, Parameterised) else {}
+    draft, double = woven.source, cloth.layers is not None
+    found: list[float] = []
+    for family, (name, own) in enumerate(
+        (("sett", draft.warp.spacing), ("weft_sett", draft.weft.spacing))
+    ):
+        what = f"sett of the {FAMILIES[family]}"
+        if (wanted := getattr(settings, name)) is not None:
+            found.append(wanted)
+        elif family == 1 and settings.sett is not None:
+            found.append(settings.sett)
+            assumed.append("sett of the weft: as many picks as ends")
+        elif not settings.warp_yarn and any(
+            parameter_name(each, family) in given for each in ("sett", "spacing")
+        ):
+            found.append(drawn[family])
+        elif largest is not None:
+            wanted, why = _suggest_sett(yarns[family], largest[family], settings.firmness, double)
+            found.append(_round_sett(wanted, settings.units))
+            assumed.append(f"{what}: {why}")
+        elif own is not None:
+            found.append(drawn[family])
+            assumed.append(f"{what}: as in the draft, which may be only for the screen")
+        else:
+            found.append(drawn[family])
+            assumed.append(f"{what}: as drawn; give a yarn or a sett")
+    return found[0], found[1]
+
+
+def _suggest_sett(
+    yarn: Yarn | None, largest: float, firmness: float | None, double: bool
+) -> tuple[float, str]:
+    """Return the sett of a yarn for a weave with its largest sett, and where it comes from."""
+    assert yarn is not None
+    published = yarn.published
+    if firmness is not None or double or published is None or published.plain_sett is None:
+        share = USUAL_SHARE if firmness is None else firmness
+        return share * largest, f"{share:.0%} of the closest one by Ashenhurst's rule"
+    # A weave with floats can be closer than plain weave.
+    plain = largest_sett(yarn.diameters_per_metre, yarn.diameters_per_metre, 1.0)
+    wanted = published.plain_sett * largest / plain
+    if published.highest_sett is not None:
+        wanted = min(wanted, published.highest_sett)
+    return wanted, f"usual for {yarn.name} in this weave ({published.source})"
+
+
+def _round_sett(sett: float, units: str) -> float:
+    """Round a suggested sett to whole threads in an inch, or to half threads in a centimetre."""
+    step = UNITS["1/m"]["/in"] if units == "imperial" else 0.5 * UNITS["1/m"]["/cm"]
+    return max(round(sett / step), 1) * step
+
+
+def _planned_draft(
+    unit: _Unit,
+    settings: PlanSettings,
+    yarns: tuple[Yarn | None, Yarn | None],
+    assumed: list[str],
+) -> PlannedDraft:
+    """Return the draft with its colours, masses per length and take-ups."""
+    cloth, (ends, picks) = unit.cloth, unit.size
+    drawdown = cloth.drawdown[:picks, :ends]
+    densities, take_ups = [], []
+    for family, count in enumerate(unit.size):
+        densities.append(_densities(cloth, family, count, yarns[family]))
+        if yarns[family] is None:
+            assumed.append(
+                f"yarn of the {FAMILIES[family]}: {1e6 * densities[-1].mean():.4g} tex, from the "
+                "thickness that is drawn"
+            )
+        wanted = settings.weft_take_up if family else settings.take_up
+        take_ups.append(
+            _take_ups(cloth, family, count, assumed)
+            if wanted is None
+            else np.full(count, float(wanted))
+        )
+    return PlannedDraft(
+        drawdown=drawdown,
+        loom=unit.woven.source.find_loom(drawdown),
+        colors=(
+            np.resize(cloth.warp.colors, (ends, 3)),
+            np.resize(cloth.weft.colors, (picks, 3)),
+        ),
+        densities=(densities[0], densities[1]),
+        take_ups=(take_ups[0], take_ups[1]),
+    )
+
+
+def _densities(cloth: Cloth, family: int, count: int, yarn: Yarn | None) -> Floats:
+    """Return the mass per length of each yarn of the draft, in kg/m."""
+    if yarn is not None:
+        return np.full(count, yarn.linear_density)
+    yarns, bulk = cloth.yarns[family], (cloth.densities or 2 * (COTTON * PACKING,))[family]
+    area = section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
+    return np.asarray(bulk * area)[:count]
+
+
+def _take_ups(cloth: Cloth, family: int, count: int, assumed: list[str]) -> Floats:
+    """Return the take-up of each yarn of the draft: its crimp, floats included."""
+    try:
+        cloth.check()
+    except GeometryError as error:
+        assumed.append(
+            f"take-up of the {FAMILIES[family]}: {_UNKNOWN_TAKE_UP:.0%}, because the yarns do not "
+            f"fit: {error.message}"
+        )
+        return np.full(count, _UNKNOWN_TAKE_UP)
+    return yarn_crimps(cloth, family)[:count]
+
+
+def _reeds(settings: PlanSettings) -> tuple[float, ...]:
+    if settings.reed is None:
+        return IMPERIAL_REEDS if settings.units == "imperial" else METRIC_REEDS
+    return settings.reed if isinstance(settings.reed, tuple) else (settings.reed,)
+
+
+def _losses(yarn: Yarn | None) -> Losses:
+    word = "" if yarn is None else yarn.name.rpartition(" ")[2]
+    return LOSSES.get("cotton" if word == "cottolin" else word, _USUAL_LOSSES)
+
+
+def _or_usual(given: float | None, usual: float) -> float:
+    return usual if given is None else given
+
+
+def _assumed_losses(settings: PlanSettings, losses: Sequence[Losses]) -> list[str]:
+    """Return a sentence for each source of draw-in and shrinkages that are not given."""
+    warp, weft = losses
+    by_source: dict[str, list[str]] = {}
+    for name, label, usual, source in (
+        ("draw_in", "draw-in", weft.draw_in, weft.source),
+        ("shrinkage", "shrinkage in length", warp.shrinkage, warp.source),
+        ("width_shrinkage", "shrinkage in width", weft.shrinkage, weft.source),
+    ):
+        if getattr(settings, name) is None:
+            by_source.setdefault(source, []).append(f"{label} {100 * usual:g} %")
+    return [f"{', '.join(texts)} ({source})" for source, texts in by_source.items()]

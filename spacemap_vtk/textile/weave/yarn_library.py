@@ -1,0 +1,216 @@
+"""Library of weaving yarns: materials, and the yarns that weavers buy under names as "20/2 cotton".
+
+A name consists of a count and a material. The material decides the system of the count, the density
+of the fibres and how much of the yarn's section they fill, so names that are not in the library are
+understood, too: "24/2 cotton", "30 tex silk".
+
+Sources of the materials:
+
+- Systems of counts: T. Woodhouse, "Yarn Counts and Calculations" (1921), by definition.
+  Handweavers' silk is counted in Nm, because 20/2 silk has 5000 yards in a pound (M. Petrini).
+- Density of fibres at 65 % relative humidity: W. E. Morton, J. W. S. Hearle, "Physical Properties
+  of Textile Fibres", 4th ed. (2008), table 5.1. Flax is taken as cellulose with filled lumen, as
+  cotton in that table; lyocell as regenerated cellulose, as viscose.
+- Diameters: T. R. Ashenhurst, "A Treatise on Textile Calculations and the Structure of Fabrics"
+  (1884): as many yarns lie side by side in an inch as k times the root of the yards in a pound.
+- Share of fibre in the section: for cotton from a specific volume of 1.1 cm3/g (F. T. Peirce,
+  1937), for the others from Ashenhurst's diameters.
+
+Usual setts and put-ups are those that makers, dealers and guilds publish; each names its source.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from math import pi
+from typing import NamedTuple
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import suggestion
+from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, parse_yarn_count
+from spacemap_vtk.units import UNITS
+
+_INCH = UNITS["1/m"]["/in"]
+_YARD = 0.9144
+_POUND = UNITS["kg"]["lb"]
+
+_MORTON = "Morton and Hearle (2008), table 5.1"
+_ASHENHURST = "Ashenhurst's diameters (1884)"
+
+
+class Material(NamedTuple):
+    """What yarns are made of, and how they are counted."""
+
+    system: str
+    """System of counts, as in `spacemap_vtk.textile.weave.yarn.parse_yarn_count`."""
+    density: float
+    """Density of the fibres, in kg/m3."""
+    diameters: float
+    """Ashenhurst's factor k: yarns in an inch over the root of the yards in a pound."""
+    packing: float
+    """Share of fibre in the yarn's section."""
+    source: str
+    """Sources of density and packing."""
+
+
+def _packing_from_diameters(diameters: float, density: float) -> float:
+    """Compute the share of fibre in the section of a yarn of Ashenhurst's diameter."""
+    return 4.0 * diameters**2 * (_POUND / _YARD) * _INCH**2 / (pi * density)
+
+
+def _material(system: str, density: float, diameters: float, density_source: str) -> Material:
+    packing = round(_packing_from_diameters(diameters, density), 2)
+    return Material(
+        system, density, diameters, packing, f"density: {density_source}; packing: {_ASHENHURST}"
+    )
+
+
+#: Materials by the word that names them. Ashenhurst's k is 0.84 for woollen yarns, 0.9 for cotton
+#: and worsted, 0.91 for the firmest ones (linen, silk).
+MATERIALS = {
+    "cotton": Material(
+        "Ne",
+        COTTON,
+        0.9,
+        PACKING,
+        f"density: {_MORTON}; packing: Peirce's specific volume of 1.1 cm3/g (1937)",
+    ),
+    "linen": _material("NeL", COTTON, 0.91, f"{_MORTON}, taken as cotton"),
+    "cottolin": _material("NeL", COTTON, 0.9, f"{_MORTON}, taken as cotton"),
+    "worsted": _material("NeK", 1310.0, 0.9, _MORTON),
+    "wool": _material("Nm", 1310.0, 0.84, _MORTON),
+    "silk": _material("Nm", 1340.0, 0.91, _MORTON),
+    "tencel": _material("Ne", 1490.0, 0.91, f"{_MORTON}, taken as viscose"),
+    "rayon": _material("Ne", 1490.0, 0.91, _MORTON),
+}
+
+
+class LibraryYarn(NamedTuple):
+    """What is published of a yarn that is sold under its name."""
+
+    package: float
+    """Mass of a usual cone, tube or skein, in kg."""
+    plain_sett: float | None
+    """Usual sett of the warp for plain weave, in 1/m; None where none is published."""
+    highest_sett: float | None
+    """Highest usual sett, for twills and other weaves with floats, in 1/m; likewise."""
+    source: str
+    """Source of the setts and of the length of a pound; empty: by definition of the count."""
+
+
+_PETRINI = 'M. Petrini, "Yarn Systems" (2020)'
+_HANDWOVEN = 'M. van der Hoogt, "Ask Madelyn", Handwoven, by its Master Yarn Chart'
+
+
+def _yarn(
+    package: float, plain: float | None = None, highest: float | None = None, source: str = ""
+) -> LibraryYarn:
+    """Describe a yarn by its package in g and its setts in ends per inch."""
+    setts = [None if each is None else each * _INCH for each in (plain, highest)]
+    return LibraryYarn(1e-3 * package, *setts, source)
+
+
+#: The yarns of the library by name.
+YARNS = {
+    "3/2 cotton": _yarn(454, 12, 15, "label of UKI: 1260 yd/lb"),
+    "5/2 cotton": _yarn(200, source="label of Ashford: 927 yd in 200 g"),
+    "8/2 cotton": _yarn(227, 20, 24, f"{_HANDWOVEN}: 3360 yd/lb"),
+    "10/2 cotton": _yarn(200, 24, None, f"{_HANDWOVEN}: 4200 yd/lb; package: label of Ashford"),
+    "16/2 cotton": _yarn(227, 25.4, 32, "Horsens Vævekreds: 10/cm, 13500 m/kg; L. Fry: 32 epi"),
+    "20/2 cotton": _yarn(454, 30, 48, f"{_PETRINI}: 8400 yd/lb"),
+    "16/2 linen": _yarn(250),
+    "20/2 linen": _yarn(250, 24, 30, f"{_PETRINI}: 3000 yd/lb"),
+    "40/2 linen": _yarn(250, 36, None, "label: 3300 yd in 8.8 oz; Interlacements: 36 epi"),
+    "22/2 cottolin": _yarn(227, source=f"{_HANDWOVEN}: 3360 yd/lb"),
+    "2/8 worsted": _yarn(227),
+    "2/18 worsted": _yarn(454),
+    "2/20 worsted": _yarn(454, 20, 30, f"{_PETRINI}: 5600 yd/lb"),
+    "6/1 wool": _yarn(200),
+    "20/2 silk": _yarn(100, 24, 28, f"{_PETRINI}: 5000 yd/lb"),
+    "30/2 silk": _yarn(100),
+    "60/2 silk": _yarn(100, source="Woolsome: 60 m of a single in 1 g"),
+    "5/2 tencel": _yarn(113, 16, 20, "Shiny Dime Fibers"),
+    "8/2 tencel": _yarn(227, 20, 24, f"{_HANDWOVEN}: 3360 yd/lb; Shiny Dime Fibers: 18 to 24 epi"),
+    "10/2 tencel": _yarn(100, 24, None, f"{_HANDWOVEN}: 4200 yd/lb; package: BB Yarn"),
+    "20/2 tencel": _yarn(100, source="package: BB Yarn"),
+}
+
+#: A count of two numbers without a system.
+_PLIED = re.compile(r"(\d+(?:\.\d+)?)\s*/\s*(\d+(?:\.\d+)?)")
+#: What a name looks like, for messages and help.
+GRAMMAR = (
+    'a count and a material, as "20/2 cotton", "16/2 linen" or "30 tex silk"; materials: '
+    + ", ".join(MATERIALS)
+)
+
+
+class Yarn(NamedTuple):
+    """A yarn that a name describes."""
+
+    name: str
+    """The name in canonical spelling."""
+    linear_density: float
+    """Mass per length, in kg/m."""
+    plies: int
+    """Number of singles that are twisted together."""
+    material: Material
+    """Its material."""
+    published: LibraryYarn | None
+    """Its entry in the library; None for yarns that are not in it."""
+
+    @property
+    def bulk_density(self) -> float:
+        """Mass over the volume of the yarn, air included, in kg/m3."""
+        return self.material.density * self.material.packing
+
+    @property
+    def diameters_per_metre(self) -> float:
+        """Number of yarns that lie side by side in a metre, by Ashenhurst, in 1/m."""
+        return self.material.diameters * (_POUND / _YARD / self.linear_density) ** 0.5 * _INCH
+
+
+@lru_cache(200)
+def parse_yarn(text: str) -> Yarn:
+    """Parse the name of a yarn.
+
+    Parameters
+    ----------
+    text : str
+        Count and material, as ``"20/2 cotton"``, ``"2/18 worsted"``, ``"30 tex silk"`` or
+        ``"Nm 12/2 wool"``. Of two numbers the larger is the count of the single yarn in the
+        material's system, the smaller the number of plies.
+
+    Returns
+    -------
+    Yarn
+        With its entry in the library, if there is one.
+
+    Raises
+    ------
+    InputError
+        The text names no yarn.
+
+    Examples
+    --------
+    >>> parse_yarn("20/2 Cotton").name
+    '20/2 cotton'
+    >>> round(parse_yarn("16/2 linen").linear_density * 1e6, 1)
+    206.7
+    """
+    count_text, _, word = " ".join(text.lower().split()).rpartition(" ")
+    material = MATERIALS.get(word)
+    if material is None or not count_text:
+        raise InputError(
+            f'"{text}" is not the name of a yarn',
+            allowed=GRAMMAR,
+            cure=suggestion(word, MATERIALS) if word else None,
+        )
+    plies, count_in_system = 1, count_text
+    if plied := _PLIED.search(count_text):
+        plies = int(min(float(plied[1]), float(plied[2])))
+        if plied[0] == count_text:
+            count_text = f"{plied[1]}/{plied[2]}"
+            count_in_system = f"{material.system} {count_text}"
+    name = f"{count_text} {word}"
+    return Yarn(name, parse_yarn_count(count_in_system), plies, material, YARNS.get(name))
