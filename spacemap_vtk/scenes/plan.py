@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import lcm
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -155,21 +155,20 @@ def _repeat_once(
     """Make the draft once, with the yarns and setts of the plan."""
     if not isinstance(woven, WeaveParameters):
         return _Unit(woven, woven.cloth, woven.cloth.size)
-    size, changes = [], {}
+    size, changes = [], dict[str, Any]()
     for family, count in enumerate(woven.source.size):
         # Lists of values are repeated over the yarns, so the repeat may be longer than the weave's.
-        names = [name for name in woven.parameters if name.startswith(f"{FAMILIES[family]}_")]
         lists = [
-            woven.parameter(name).items(getattr(woven, name))
-            for name in names
-            if isinstance(woven.parameter(name), Series)
+            parameter.items(getattr(woven, name))
+            for name, parameter in woven.parameters.items()
+            if name.startswith(f"{FAMILIES[family]}_") and isinstance(parameter, Series)
         ]
         whole = lcm(count, *(len(each) for each in lists if each))
         size.append(whole if whole <= _LONGEST_REPEAT else count)
         if (yarn := yarns[family]) is not None:
-            changes |= dict.fromkeys(
-                (parameter_name(each, family) for each in ("count", "diameter")), None
-            )
+            # The scene's sections are those of the yarns that it draws.
+            replaced = "count", "diameter", "section", "aspect"
+            changes |= dict.fromkeys((parameter_name(each, family) for each in replaced), None)
             changes[parameter_name("yarn", family)] = yarn.name
         if setts is not None:
             changes[parameter_name("spacing", family)] = None
@@ -220,37 +219,35 @@ def _choose_setts(
     assumed: list[str],
 ) -> tuple[float, float]:
     """Choose the setts: the plan's, the scene's, the yarn's, the draft's, in this order."""
-    drawn = [
-        1.0 / threads.mean_spacing(threads.aspect * threads.mean_diameter)
-        for threads in cloth.threads
-    ]
     given = woven.given_values if isinstance(woven, Parameterised) else {}
-    draft, double = woven.source, cloth.layers is not None
-    found: list[float] = []
-    for family, (name, own) in enumerate(
-        (("sett", draft.warp.spacing), ("weft_sett", draft.weft.spacing))
-    ):
-        what = f"sett of the {FAMILIES[family]}"
-        if (wanted := getattr(settings, name)) is not None:
-            found.append(wanted)
-        elif family == 1 and settings.sett is not None:
-            found.append(settings.sett)
-            assumed.append("sett of the weft: as many picks as ends")
-        elif not settings.warp_yarn and any(
-            parameter_name(each, family) in given for each in ("sett", "spacing")
-        ):
-            found.append(drawn[family])
-        elif largest is not None:
-            wanted, why = _suggest_sett(yarns[family], largest[family], settings.firmness, double)
-            found.append(_round_sett(wanted, settings.units))
-            assumed.append(f"{what}: {why}")
-        elif own is not None:
-            found.append(drawn[family])
-            assumed.append(f"{what}: as in the draft, which may be only for the screen")
-        else:
-            found.append(drawn[family])
-            assumed.append(f"{what}: as drawn; give a yarn or a sett")
-    return found[0], found[1]
+    own = woven.source.warp.spacing, woven.source.weft.spacing
+    setts, reasons = [], []
+    for family, threads in enumerate(cloth.threads):
+        drawn = 1.0 / threads.mean_spacing(threads.aspect * threads.mean_diameter)
+        names = [parameter_name(each, family) for each in ("sett", "spacing")]
+        wanted, why = (settings.sett, settings.weft_sett)[family], ""
+        if wanted is None and family == 1 and settings.sett is not None:
+            wanted, why = settings.sett, "as many picks as ends"
+        elif wanted is None and not settings.warp_yarn and any(name in given for name in names):
+            wanted = drawn
+        elif wanted is None and largest is not None:
+            is_double = cloth.layers is not None
+            wanted, why = _suggest_sett(
+                yarns[family], largest[family], settings.firmness, is_double
+            )
+            wanted = _round_sett(wanted, settings.units)
+        elif wanted is None and own[family] is not None:
+            wanted, why = drawn, "as in the draft, which may be only for the screen"
+        elif wanted is None:
+            wanted, why = drawn, "as drawn; give a yarn or a sett"
+        setts.append(wanted)
+        reasons.append(why)
+    if reasons[0] and reasons[0] == reasons[1]:
+        assumed.append(f"sett of warp and weft: {reasons[0]}")
+    else:
+        pairs = zip(FAMILIES, reasons, strict=True)
+        assumed += [f"sett of the {family}: {why}" for family, why in pairs if why]
+    return setts[0], setts[1]
 
 
 def _suggest_sett(
@@ -288,9 +285,9 @@ def _planned_draft(
     densities, take_ups = [], []
     for family, count in enumerate(unit.size):
         densities.append(_densities(cloth, family, count, yarns[family]))
-        if yarns[family] is None:
+        if yarns[family] is None and not _has_count(unit.woven, family):
             assumed.append(
-                f"yarn of the {FAMILIES[family]}: {1e6 * densities[-1].mean():.4g} tex, from the "
+                f"yarn of the {FAMILIES[family]}: {1e6 * densities[-1].mean():.3g} tex, from the "
                 "thickness that is drawn"
             )
         wanted = settings.weft_take_up if family else settings.take_up
@@ -311,6 +308,10 @@ def _planned_draft(
     )
 
 
+def _has_count(woven: Woven, family: int) -> bool:
+    return getattr(woven, parameter_name("count", family), None) is not None
+
+
 def _densities(cloth: Cloth, family: int, count: int, yarn: Yarn | None) -> Floats:
     """Return the mass per length of each yarn of the draft, in kg/m."""
     if yarn is not None:
@@ -325,10 +326,11 @@ def _take_ups(cloth: Cloth, family: int, count: int, assumed: list[str]) -> Floa
     try:
         cloth.check()
     except GeometryError as error:
-        assumed.append(
-            f"take-up of the {FAMILIES[family]}: {_UNKNOWN_TAKE_UP:.0%}, because the yarns do not "
-            f"fit: {error.message}"
+        text = (
+            f"take-up {100 * _UNKNOWN_TAKE_UP:g} %, because the yarns do not fit: {error.message}"
         )
+        if text not in assumed:
+            assumed.append(text)
         return np.full(count, _UNKNOWN_TAKE_UP)
     return yarn_crimps(cloth, family)[:count]
 

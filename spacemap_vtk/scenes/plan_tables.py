@@ -13,6 +13,7 @@ from math import ceil
 from typing import Any, NamedTuple
 
 from spacemap_vtk.scenes.plan import ScenePlan
+from spacemap_vtk.textile.drafts.drawdown import period
 from spacemap_vtk.textile.plan.loom_use import Color
 from spacemap_vtk.textile.plan.project import YarnNeed
 from spacemap_vtk.textile.weave.families import FAMILIES
@@ -52,8 +53,16 @@ _UNITS: dict[str, dict[str, tuple[str, float, int]]] = {
 _NOTED = 0.01
 #: Most stripes that are listed in the order of colours; the rest is only in JSON.
 _MOST_STRIPES = 60
+#: Fewest rounds of the same stripes that are listed once.
+_LEAST_ROUNDS = 2
+#: Number of shafts or steps from which neighbours with equal numbers share a row.
+_FOLD_FROM = 10
 #: Most steps of the treadling that are listed.
 _MOST_STEPS = 100
+
+
+#: Text for no yarn.
+NOTHING = "–"
 
 
 class Quantity(NamedTuple):
@@ -76,6 +85,8 @@ class Quantity(NamedTuple):
 
     def text(self, units: str) -> str:
         """Format the number with its unit."""
+        if not self.value and self.kind in ("total", "mass"):
+            return NOTHING
         return f"{self.number(units)} {self.unit(units)}"
 
 
@@ -88,7 +99,7 @@ class PlanTable(NamedTuple):
     title: str
     #: Empty for pairs.
     headings: tuple[str, ...]
-    rows: list[tuple[Cell, ...]]
+    rows: Sequence[tuple[Cell, ...]]
 
     def texts(self, units: str) -> list[tuple[str, ...]]:
         """Return the rows as texts with units; a colour is #rrggbb."""
@@ -119,7 +130,7 @@ def plan_tables(plan: ScenePlan) -> list[PlanTable]:
     for family, thread in ((0, "ends"), (1, "picks")):
         order = project.orders[family]
         if len(order) > 1:
-            tables.append(_order(f"Order of colours, {FAMILIES[family]}", thread, order))
+            tables.append(_order(f"{FAMILIES[family].capitalize()} colours", thread, order))
     if plan.assumed:
         rows: list[tuple[Cell, ...]] = [(text,) for text in plan.assumed]
         tables.append(PlanTable("Assumed", (), rows))
@@ -153,7 +164,7 @@ def _warp(plan: ScenePlan) -> PlanTable:
         ("ends", f"{project.ends}" + (f" ({repeats})" if repeats else "")),
         ("floating selvedges", _describe_floating(plan)),
         ("warp length", Quantity(project.warp_length, "length")),
-        ("  of this loom waste", Quantity(request.waste, "length")),
+        ("of this loom waste", Quantity(request.waste, "length")),
         ("sett in the reed", Quantity(sleying.sett, "sett")),
         (
             "reed",
@@ -225,7 +236,7 @@ def _weft(plan: ScenePlan) -> PlanTable:
         ("shuttles", shuttles),
     ]
     if shuttles > 1:
-        rows.append(("changes of colour in a piece", changes))
+        rows.append(("changes of colour", changes))
     if plan.largest_setts is not None:
         rows.append(("closest sett (Ashenhurst)", Quantity(plan.largest_setts[1], "picks")))
     return PlanTable("Weft", (), rows)
@@ -341,37 +352,66 @@ def _describe_packages(purchase: Purchase, more: float, units: str) -> str:
 
 
 def _heddles(plan: ScenePlan) -> PlanTable:
-    available = plan.settings.heddles
-    headings = ("shaft", "heddles") + (() if available is None else ("to spare",))
-    rows: list[tuple[Cell, ...]] = []
-    for shaft, count in plan.project.heddles.items():
-        spare: tuple[Cell, ...] = () if available is None else (available - count,)
-        rows.append((shaft, count, *spare))
-    total = sum(plan.project.heddles.values())
-    spare = () if available is None else (available * len(plan.project.heddles) - total,)
-    rows.append(("all", total, *spare))
-    return PlanTable("Heddles", headings, rows)
+    available, counts = plan.settings.heddles, plan.project.heddles
+    folded = _fold([((shaft,), count) for shaft, count in counts.items()])
+    total = sum(counts.values())
+    if available is None:
+        return PlanTable("Heddles", ("shaft", "heddles"), [*folded, ("all", total)])
+    rows: list[tuple[Cell, ...]] = [(*row, available - row[1]) for row in folded]
+    rows.append(("all", total, available * len(counts) - total))
+    return PlanTable("Heddles", ("shaft", "heddles", "to spare"), rows)
+
+
+def _fold(counts: Sequence[tuple[tuple[int, ...], int]]) -> list[tuple[str, int]]:
+    """Return a row for each shaft or step; of many, one for neighbours with equal counts."""
+    groups: list[tuple[tuple[int, ...], tuple[int, ...], int]] = []
+    for numbers, count in counts:
+        if (
+            groups
+            and len(counts) > _FOLD_FROM
+            and groups[-1][2] == count
+            and len(numbers) == len(groups[-1][1]) == 1
+            and numbers[0] == groups[-1][1][0] + 1
+        ):
+            groups[-1] = groups[-1][0], numbers, count
+        else:
+            groups.append((numbers, numbers, count))
+    return [
+        (
+            "-".join(map(str, first)) or "none"
+            if first == last
+            else f"{first[0]} to {last[0]}, each",
+            count,
+        )
+        for first, last, count in groups
+    ]
 
 
 def _treadling(plan: ScenePlan) -> PlanTable:
     project = plan.project
     what = "lifted shafts" if project.lifts else "treadles"
-    rows: list[tuple[Cell, ...]] = [
-        ("-".join(map(str, step.pressed)) or "none", step.picks) for step in project.steps
-    ]
-    if len(rows) > _MOST_STEPS:
-        rest = sum(step.picks for step in project.steps[_MOST_STEPS:])
-        rows = [*rows[:_MOST_STEPS], (f"{len(rows) - _MOST_STEPS} others", rest)]
+    listed, others = project.steps[:_MOST_STEPS], project.steps[_MOST_STEPS:]
+    rows: list[tuple[Cell, ...]] = [*_fold([(step.pressed, step.picks) for step in listed])]
+    if others:
+        rows.append((f"{len(others)} others", sum(step.picks for step in others)))
     rows.append(("all", sum(step.picks for step in project.steps)))
     title = "Lifts" if project.lifts else "Treadling"
     return PlanTable(title, (what, "picks in all"), rows)
 
 
 def _order(title: str, thread: str, order: Sequence[tuple[Color, int]]) -> PlanTable:
-    rows: list[tuple[Cell, ...]] = [(format_color(c), count) for c, count in order[:_MOST_STRIPES]]
-    if len(order) > _MOST_STRIPES:
-        rest = order[_MOST_STRIPES:]
-        rows.append((f"{len(rest)} more stripes", sum(count for _, count in rest)))
+    size = period(order)
+    rounds = len(order) // size
+    if rounds < _LEAST_ROUNDS:
+        size, rounds = len(order), 1
+    stripes: list[tuple[Cell, ...]] = [(format_color(color), count) for color, count in order]
+    rows = stripes[:size]
+    if rounds > 1:
+        rows.append((f"{rounds} times", rounds * sum(count for _, count in order[:size])))
+        rows += stripes[rounds * size :]
+    if len(rows) > _MOST_STRIPES:
+        hidden = len(rows) - _MOST_STRIPES
+        rows = [*rows[:_MOST_STRIPES], (f"{hidden} more stripes", "")]
     rows.append(("repeat", sum(count for _, count in order)))
     return PlanTable(title, ("colour", thread), rows)
 

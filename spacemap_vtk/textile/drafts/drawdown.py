@@ -175,8 +175,18 @@ def _period(lines: Bools) -> int:
 
 
 def period(words: Sequence[Hashable]) -> int:
-    """Find the smallest number of items after which a sequence repeats, as far as it goes."""
-    # The failure function of Knuth, Morris and Pratt.
+    """Find the period of a sequence by the failure function of Knuth, Morris and Pratt.
+
+    Parameters
+    ----------
+    words : sequence of hashable
+        At least one.
+
+    Returns
+    -------
+    int
+        Smallest number after which all items repeat; the last repeat may be incomplete.
+    """
     border = [0] * len(words)
     for i in range(1, len(words)):
         k = border[i - 1]

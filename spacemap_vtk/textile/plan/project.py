@@ -175,7 +175,18 @@ class Project:
         return self.request.sleying.dents(self.ends) + self.floating
 
     def total_length(self, family: int) -> float:
-        """Return the length of all yarns of the warp (0) or the weft (1), in m."""
+        """Return the length of all yarns of a family.
+
+        Parameters
+        ----------
+        family : int
+            0 for the warp, 1 for the weft.
+
+        Returns
+        -------
+        float
+            In m.
+        """
         return sum(yarn.length for yarn in self.yarns if yarn.family == FAMILIES[family])
 
 

@@ -44,11 +44,33 @@ class Sleying:
         return "-".join(map(str, self.pattern))
 
     def error(self, sett: float) -> float:
-        """Return the sett over a wanted one, minus 1."""
+        """Return the sett over a wanted one, minus 1.
+
+        Parameters
+        ----------
+        sett : float
+            Wanted ends per metre.
+
+        Returns
+        -------
+        float
+            Positive if the ends are closer than wanted.
+        """
         return self.sett / sett - 1.0
 
     def dents(self, ends: int) -> int:
-        """Return the number of dents that some ends need."""
+        """Return the number of dents that some ends need.
+
+        Parameters
+        ----------
+        ends : int
+            Number of ends.
+
+        Returns
+        -------
+        int
+            The last dent may not be full.
+        """
         rounds, rest = divmod(ends, sum(self.pattern))
         used = rounds * len(self.pattern)
         for count in self.pattern:
@@ -60,26 +82,7 @@ class Sleying:
 
 
 def sley(sett: float, reed: float) -> Sleying:
-    """Find the sleying of a reed that is nearest to a sett.
-
-    Parameters
-    ----------
-    sett : float
-        Ends per metre.
-    reed : float
-        Dents per metre.
-
-    Returns
-    -------
-    Sleying
-        Ends are spread as evenly as possible over at most four dents; of equally good patterns the
-        shortest.
-
-    Examples
-    --------
-    >>> sley(20.0, 12.0).text, sley(16.0, 12.0).text, sley(24.0, 12.0).text
-    ('1-2-2', '1-1-2', '2')
-    """
+    """Find the sleying of a reed that is nearest to a sett; the shortest of equally good ones."""
     found = []
     for dents in range(1, _MOST_DENTS + 1):
         ends = max(round(sett / reed * dents), 1)

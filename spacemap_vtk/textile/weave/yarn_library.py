@@ -107,8 +107,8 @@ def _yarn(
     package: float, plain: float | None = None, highest: float | None = None, source: str = ""
 ) -> LibraryYarn:
     """Describe a yarn by its package in g and its setts in ends per inch."""
-    setts = [None if each is None else each * _INCH for each in (plain, highest)]
-    return LibraryYarn(1e-3 * package, *setts, source)
+    plain_sett, highest_sett = (None if each is None else each * _INCH for each in (plain, highest))
+    return LibraryYarn(1e-3 * package, plain_sett, highest_sett, source)
 
 
 #: The yarns of the library by name.
