@@ -117,7 +117,7 @@ def plan(
     """
     given = {name: text for name, text in locals().items() if name in PlanSettings.parameters}
     settings = read_settings({name: text for name, text in given.items() if text is not None})
-    job = None if output is None else PlanJob(output, settings)
+    job = None if output is None else PlanJob(output, settings.given_values)
     chosen = open_scene(scene, set_)
     if job is not None:
         run_job(job, chosen, "Planning", quiet)

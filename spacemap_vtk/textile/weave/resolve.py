@@ -228,9 +228,9 @@ def _bulk_density(request: ThreadsRequest, fibres: ClothRequest) -> float:
 
 
 def _section_area(request: ThreadsRequest, fibres: ClothRequest, count: int) -> Floats:
-    """Return the area of each yarn's section, of yarns whose mass per length is given."""
+    """Return the area of the yarns' sections, if their mass per length is given."""
     linear = np.asarray(request.linear_density, dtype=np.float64)
-    return np.resize(linear / _bulk_density(request, fibres), count)
+    return np.asarray(repeat_values(linear / _bulk_density(request, fibres), count))
 
 
 def _resolve_threads(
@@ -248,7 +248,7 @@ def _resolve_threads(
     size = "given"
     if request.linear_density is not None:
         area = _section_area(request, fibres, count)
-        diameter = collapse_equal(yarn_height(area, aspect, section))
+        diameter = repeat_values(yarn_height(area, aspect, section), count)
     elif request.diameter is not None:
         diameter = repeat_values(request.diameter, count)
     elif own.thickness is not None:
