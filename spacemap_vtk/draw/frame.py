@@ -16,6 +16,7 @@ from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.load_arrows import Arrows, load_arrows
 from spacemap_vtk.draw.camera import CameraView
+from spacemap_vtk.draw.detail.underlay import Underlay
 from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
@@ -69,6 +70,8 @@ class Frame:
     yarns: vtkPolyData | None = None
     #: The rest of the sheet around these yarns.
     surroundings: vtkPolyData | None = None
+    #: The dark layer inside a closed cloth whose yarns are drawn.
+    underlay: Underlay | None = None
     #: The view for which `yarns`, or the facets of all yarns, were chosen.
     camera_view: CameraView | None = None
     #: Pixels per metre up to which a view needs no more facets than yarns out of sight have; 0 if

@@ -33,6 +33,7 @@ from spacemap_vtk.draw.compose import (
 )
 from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.detail.facets import choose_facets
+from spacemap_vtk.draw.detail.underlay import ClothUnderlay
 from spacemap_vtk.draw.detail.yarn_parts import YarnPieces
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, uses_software_renderer
@@ -160,6 +161,10 @@ class Picture:
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces: YarnPieces | None = None
         self._choose_detail(points)
+        #: Makes the dark layer inside a closed cloth; None if there is none, or no yarn is drawn.
+        self._underlay: ClothUnderlay | None = None
+        if self.sheet is None or self.pieces is not None:
+            self._underlay = ClothUnderlay.make_if_needed(scene, self.sheet)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
     def _choose_detail(self, points: Floats) -> None:
@@ -210,6 +215,9 @@ class Picture:
         else:
             surface, cloth, crossings = sheet.update(time), sheet.cloth, sheet.crossings
         frame = frame_of(self.scene, time, surface, None, view.loads, cloth, crossings)
+        if self._underlay is not None:
+            cage = self.scene.deformed_cage if self.scene.moves else None
+            frame = replace(frame, underlay=self._underlay.at(cage))
         return np.concatenate([self._draw_panel(panel, frame) for panel in self.panels], axis=1)
 
     def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:

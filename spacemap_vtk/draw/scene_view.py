@@ -21,6 +21,7 @@ from spacemap_vtk.draw.actors.glyphs import (
     LoadActor,
     OutlineActor,
     SupportActor,
+    UnderlayActor,
     moved_points,
     rest_points,
 )
@@ -85,7 +86,7 @@ class SceneView:
         self.surface = SurfaceActor(samples)
         self.cut_face, self.ghost = CutFaceActor(), GhostActor()
         self.sheet, self.preview, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
-        self.ground = GroundActor()
+        self.ground, self.underlay = GroundActor(), UnderlayActor()
         #: Height of the ground [m]: the lowest point that has been shown of the scene.
         self.floor = np.inf
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
@@ -112,7 +113,8 @@ class SceneView:
     @property
     def solids(self) -> list[vtkActor]:
         """Actors of objects in the scene, which cast contact shadows."""
-        return [self.surface, self.sheet, self.preview, self.outline, self.cut_face]
+        drawn = [self.surface, self.sheet, self.preview, self.outline, self.cut_face]
+        return [*drawn, self.underlay]
 
     @property
     def markers(self) -> list[vtkActor]:
@@ -182,6 +184,10 @@ class SceneView:
         self.outline.VisibilityOff()
         if options.fabric:
             self._show_fabric(frame)
+        underlay = frame.underlay if self.occlusion > 0.0 else None
+        self.underlay.show(None if underlay is None else underlay.surface)
+        if underlay is not None:
+            self.underlay.GetProperty().SetColor(*underlay.color)
         time, annotations = (
             frame.time if frame.cage else None,
             (options.triad, options.scale_bar, options.axes_clickable),
@@ -229,6 +235,8 @@ class SceneView:
                 else:
                     actor.GetMapper().AddClippingPlane(self._plane)
         self.cut = cut
+        if cut is not None:
+            self.underlay.VisibilityOff()
         if (frame := self._frame) is not None:
             self._fill_cut(frame, frame.surface if frame.cloth is None else frame.yarns)
             if self._view.loads:

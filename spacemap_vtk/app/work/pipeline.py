@@ -25,6 +25,7 @@ from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.sheet_actor import coarsen_sheet
 from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.detail.facets import FacetChooser, coarse_scale
+from spacemap_vtk.draw.detail.underlay import ClothUnderlay, Underlay
 from spacemap_vtk.draw.detail.yarn_parts import NearYarns
 from spacemap_vtk.draw.frame import Frame, apply_mode_shape, frame_of
 from spacemap_vtk.errors import SizeError
@@ -86,6 +87,8 @@ class Pipeline:
         self._detail: FacetChooser | None = None
         self._enough_scale = 0.0
         self._sheet: ClothSheet | None = None
+        #: Makes the dark layer inside a closed cloth, for a view and a sheet.
+        self._underlay: tuple[object, ClothUnderlay | None] | None = None
         self._near_yarns: NearYarns | None = None
         #: Key of the last drawing of the near yarns, and their fine and coarse surfaces.
         self._near_drawn: tuple[list[Any], list[vtkPolyData | None]] | None = None
@@ -155,6 +158,7 @@ class Pipeline:
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
             motion=None if swing else self._motion_figures(scene, request.coarse),
         )
+        frame = replace(frame, underlay=self._find_underlay(scene, frame.cage, sheet))
         if sheet is not None:
             return self._add_near_yarns(scene, request, frame, sheet)
         if follows:
@@ -167,6 +171,16 @@ class Pipeline:
         if not coarse and drawn.GetNumberOfCells() > _HEAVY_QUADS:
             return self._add_light_frame(scene, source, frame)
         return frame
+
+    def _find_underlay(
+        self, scene: Scene, cage: vtkUnstructuredGrid | None, sheet: ClothSheet | None
+    ) -> Underlay | None:
+        """Return the dark layer inside a closed cloth; None if there is none."""
+        key = scene.view.settings, sheet
+        kept = self._underlay
+        if kept is None or kept[0] != key or kept[1] is None or not kept[1].is_current(scene):
+            self._underlay = kept = key, ClothUnderlay.make_if_needed(scene, sheet)
+        return None if kept[1] is None else kept[1].at(cage)
 
     def _choose_detail(
         self, cloth: DrawnCloth, source: Stage, request: FrameRequest

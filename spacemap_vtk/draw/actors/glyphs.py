@@ -116,6 +116,22 @@ class OutlineActor(PlainActor):
         uniforms.SetUniformf("maxWidth", max_width)
 
 
+class UnderlayActor(PlainActor):
+    """The dark layer inside a closed cloth, unlit; each of its sheets has one visible side."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.GetProperty().LightingOff()
+        self.GetProperty().BackfaceCullingOn()
+        self.VisibilityOff()
+
+    def show(self, surface: vtkPolyData | None) -> None:
+        """Draw the layer; None hides it."""
+        self.SetVisibility(surface is not None)
+        if surface is not None:
+            self.GetMapper().SetInputData(surface)
+
+
 class GhostActor(PlainActor):
     """The pale fabric at rest: its moved points minus their displacements."""
 

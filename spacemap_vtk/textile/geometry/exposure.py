@@ -111,7 +111,8 @@ def _face_heights(cloth: Cloth, lines: list[Floats]) -> tuple[Singles, Singles]:
         beside = np.clip(beside, 0.0, 1.0)
         if yarns.section == "racetrack":
             beside = np.maximum(yarns.aspect * beside - (yarns.aspect - 1.0), 0.0)
-        half = own * np.sqrt(1.0 - beside**2)
+        profile = 1.0 - beside**2
+        half = own * (profile if yarns.section == "lenticular" else np.sqrt(profile))
         covered = half > 0.0
         axes = _axis_heights(cloth, number, along)[which[nearest]]
         for face, sign, choose in ((top, 1.0, np.maximum), (bottom, -1.0, np.minimum)):
