@@ -46,8 +46,9 @@ AUTOMATIC_SIDES = 4
 #: Function that computes each patch's subdivisions from control points and patches; see
 #: `PatchTessellator.set_detail`.
 Detail = Callable[[AnyFloats, AnyInts], AnyInts]
-#: Largest distance between a facet and the round surface [pixels].
-_CHORD = 0.3
+#: Largest distance between the edge of a facet and the round surface [pixels]. That of the middle
+#: of the facet can be a third larger, because yarns bend too.
+_CHORD = 0.19
 #: Most subdivisions of a surface with the same number everywhere. In close-ups only the visible
 #: part gets more.
 MOST_SIDES = 12

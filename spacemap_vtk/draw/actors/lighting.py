@@ -183,7 +183,7 @@ def set_lighting(actor: vtkActor, light: str, looks_of: vtkPolyDataMapper | None
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
 
 
-# Strands of two sizes follow the helices of the fibres. Each strand tilts the normal and has a
+# Strands of three sizes follow the helices of the fibres. Each strand tilts the normal and has a
 # different brightness, as in staple yarns. A strand fades out where it would be finer than two
 # samples. Plies that are too narrow to be modelled appear only in the normals. Each pixel has
 # `fine` samples along each side. A picture, whose pixels are means of smaller ones, has one sample
@@ -214,13 +214,15 @@ vec2 fibresAt(vec3 strands, float width) {{
   // Fibres are short: they wander sideways in parabolas, and fade in and out.
   float along = fract(0.366 * strands.z) - 0.5;
   float wander = strands.x + 0.11 * along * (1.0 - 2.0 * abs(along));
-  for (int size = 0; size < 2; size++) {{
-    float count = size == 0 ? 13.0 : 47.0, visible = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
+  for (int size = 0; size < 3; size++) {{
+    float count = size == 0 ? 13.0 : size == 1 ? 47.0 : 149.0;
+    float visible = clamp(2.0 - 4.0 * count * width, 0.0, 1.0);
     if (visible > 0.0) {{
       float place = count * wander, first = floor(place), side = 2.0 * (place - first) - 1.0;
       float t = tone(mod(first, count)), square = side * side;
-      float strength = visible * abs(2.0 * fract(t + (0.17 + 0.3 * t) * strands.z) - 1.0);
-      tilt += (size == 0 ? 0.6 : 1.0) * strength * side * (1.0 - square);
+      float fade = 97.0 * t * t + (0.17 + 0.3 * t) * strands.z;
+      float strength = visible * abs(2.0 * fract(fade) - 1.0);
+      tilt += (size == 0 ? 0.5 : 0.85) * strength * side * (1.0 - square);
       light *= 1.0 + strength * (0.16 * t - 0.08 - 0.10 * square * square);
     }}
   }}
@@ -246,7 +248,7 @@ vec2 widths = (abs(byX.xy) + abs(byY.xy)) / float({_FINE});
 #: Fragment shader code that lights a surface with fibres; it takes the place of `_FRAGMENT`.
 _LIT_FIBRES = f"""
   // Fibres that are far finer than a sample, or far wider than a pixel, need only one sample.
-  float finest = 47.0 * widths.x * float({_FINE});
+  float finest = 149.0 * widths.x * float({_FINE});
   int side = 13.0 * widths.x < 0.5 && finest > 0.1 ? {_FINE} : 1;
   vec3 mean = vec3(0.0);
   for (int down = 0; down < side; down++)

@@ -21,8 +21,8 @@ from spacemap_vtk.textile.geometry.irregularity import Irregularity
 from spacemap_vtk.textile.geometry.plies import outline_curvature
 from spacemap_vtk.textile.patches.bezier import quadrilateral_order
 
-#: Largest distance between facets and their patch in pixels. Half a pixel is visible in an outline.
-_ERROR = 0.4
+#: Largest distance between facets and their patch in pixels; more is visible in an outline.
+_ERROR = 0.25
 #: Largest number of facets along each side of a patch.
 _MOST_SIDES = 128
 #: Size of the area that counts as in sight, as a share of the picture. Without the margin, edges of

@@ -221,8 +221,8 @@ def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any
     along = 0.366 * strands[2]
     along = along - math.floor(along) - 0.5
     wander = strands[0] + 0.11 * along * (1.0 - 2.0 * abs(along))
-    for size in range(2):
-        count = 13.0 if size == 0 else 47.0
+    for size in range(3):
+        count = 13.0 if size == 0 else 47.0 if size == 1 else 149.0
         shown = min(max(2.0 - 4.0 * count * width, 0.0), 1.0)
         if shown > 0.0:
             place = count * wander
@@ -230,9 +230,9 @@ def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any
             side = 2.0 * (place - first) - 1.0
             tone = _tone(first - count * math.floor(first / count))
             square = side * side
-            phase = tone + (0.17 + 0.3 * tone) * strands[2]
+            phase = 97.0 * tone * tone + (0.17 + 0.3 * tone) * strands[2]
             strength = shown * abs(2.0 * (phase - math.floor(phase)) - 1.0)
-            tilt += (0.6 if size == 0 else 1.0) * strength * side * (1.0 - square)
+            tilt += (0.5 if size == 0 else 0.85) * strength * side * (1.0 - square)
             light *= 1.0 + strength * (0.16 * tone - 0.08 - 0.10 * square * square)
     bent = _tilt(normal, tilt, dx, dy, right, up)
     dx, dy = across[1][1] - strands[1], down[1][1] - strands[1]

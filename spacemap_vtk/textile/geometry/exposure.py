@@ -70,7 +70,7 @@ class ClothExposure:
         places : ndarray of float, shape (N, 3)
             In the cloth at rest, in m.
         face : ndarray of float, shape (N,)
-            1 on the top of a yarn, 0 on its sides, -1 below.
+            1 on the top of a yarn, 0 on its sides, -1 below; NaN on its cut ends, which are free.
 
         Returns
         -------
@@ -94,6 +94,7 @@ class ClothExposure:
             )
             depth = upper * (above - height) + (1.0 - upper) * (below + height)
             exposure *= np.clip(1.0 - slope * depth, least, 1.0)
+        exposure[np.isnan(face)] = 1.0
         return exposure.astype(np.float32)
 
 

@@ -251,9 +251,9 @@ class Strands:
         Returns
         -------
         ndarray of float, shape (samples, patches)
-            1 on the top of a yarn, -1 below, 0 on its sides and on patches that close it.
+            1 on the top of a yarn, -1 below, 0 on its sides; NaN on patches that close it.
         """
-        found = np.zeros((len(self._u), len(which)))
+        found = np.full((len(self._u), len(which)), np.nan)
         tubes = int(np.searchsorted(which, self.tube_count))
         begin, span = self._phi[:, which[:tubes]]
         found[:, :tubes] = np.cos(2.0 * pi * (begin + self._v[:, None] * span))
