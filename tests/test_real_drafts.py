@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.ndarrays import Bools, Ints
 from spacemap_vtk.scenes import library
@@ -80,3 +81,10 @@ def test_each_draft_is_in_the_table_of_origins() -> None:
     for name in files:
         draft = read_draft(FOLDER / "drafts" / name)
         assert f"| `{name}` | {draft.size[0]} × {draft.size[1]} |" in text
+
+
+def test_the_drafts_are_found_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert library.find("drafts/overshot.wif") == FOLDER / "drafts" / "overshot.wif"
+    with pytest.raises(InputError, match="no such file"):
+        library.find("drafts/none.wif")

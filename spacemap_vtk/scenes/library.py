@@ -41,12 +41,14 @@ def names_by_kind() -> dict[str, list[str]]:
 
 
 def find(scene: str | Path) -> Path:
-    """Return the file for a path or the name of an included scene."""
+    """Return the file for a path, or for the name of an included scene or draft."""
     path = Path(scene)
     if not (why := registry.unreadable_reason(path)):
         return path
     if str(scene) == path.name and os.path.isfile(named := folder() / f"{scene}.toml"):
         return named
+    if path.parent == Path("drafts") and (folder() / path).is_file():
+        return folder() / path
     if why not in (registry.NO_SUCH_FILE, registry.IS_FOLDER):  # suggesting names would not help
         raise InputError(f"{path}: {why}", cure="Check its permissions, or choose another file.")
     # Imported here, because only the message needs it, and it imports numpy.
