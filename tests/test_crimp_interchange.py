@@ -136,7 +136,7 @@ def test_axes_are_as_far_apart_as_the_crossings_say(name: str) -> None:
     for tubes, at in zip(made.tubes, found, strict=True):
         count = (3 * int(tubes.parts.sum()) + len(tubes.parts)) * tubes.ring
         here = slice(tubes.first, tubes.first + count)
-        middles = points[here].reshape(-1, tubes.ring, 3).mean(axis=1)
+        middles = tubes.ring_centres(points)
         for place, middle in zip(foot[here][:: tubes.ring], middles, strict=True):
             at[tuple(np.round(place[:2] * 1e9))] = middle
     stretch = np.linalg.norm(SHEARED[:, [1, 0]], axis=0)

@@ -60,7 +60,11 @@ def test_yarn_counts_against_published_conversions(text: str, tex: float) -> Non
 def test_diameter_is_peirces(ne: float) -> None:
     # Peirce (1937): cotton of a specific volume of 1.1 cm3/g is 1 / (28 sqrt(Ne)) inch (27.93)
     source = WeaveSource(
-        warp_count=f"{ne} Ne", fibre_density="1.515151515 g/cm3", packing=0.6, warp_spacing="1 cm"
+        warp_count=f"{ne} Ne",
+        warp_section="circular",
+        fibre_density="1.515151515 g/cm3",
+        packing=0.6,
+        warp_spacing="1 cm",
     )
     assert source.cloth.warp.diameter == pytest.approx(0.0254 / 28 / sqrt(ne), rel=3e-3)
 
@@ -257,7 +261,8 @@ def test_thread_values_of_a_wif_are_repeated_over_the_yarns(tmp_path: Path) -> N
 
 
 def test_a_draft_with_a_thickness_and_no_spacing_lies_side_by_side(tmp_path: Path) -> None:
-    cloth = WeaveSource(draft=wif(tmp_path, "WARP:Thickness=0.2")).cloth
+    file = wif(tmp_path, "WARP:Thickness=0.2")
+    cloth = WeaveSource(draft=file, thick_yarns="scale").cloth
     assert cloth.warp.spacing == 2 * MM
     assert cloth.weft.spacing == SPACING
     assert cloth.weft.diameter == FILLING * SPACING
@@ -276,7 +281,7 @@ def test_colours_of_the_user_come_before_the_drafts() -> None:
 
 
 def test_thick_yarns_are_scaled_to_a_share_of_the_limit() -> None:
-    cloth = WeaveSource(draft=REAL).cloth
+    cloth = WeaveSource(draft=REAL, thick_yarns="scale").cloth
     assert isinstance(cloth.warp.spacing, float)
     # jammed square cloth: p / D = sqrt(3) / 2
     limit = 2 / sqrt(3) * cloth.warp.spacing

@@ -31,6 +31,8 @@ _TABLE_UNITS = {
     "N.m2": "mN.mm2",
     "N.m/kg": "cN/tex",
 }
+#: Figures that follow from the size of a yarn, which may be an assumption.
+_SIZES = ("diameter", "width", "tex")
 #: Figures of warp and weft: key, label and unit; None for counts and words.
 _OF_YARNS = (
     ("yarns", "yarns", None),
@@ -98,9 +100,10 @@ def yarn_figures(figures: dict[str, Any]) -> list[tuple[Figure, Figure]]:
             value = figures[family][key]
             value = len(value) if isinstance(value, list) else value
             number = None if isinstance(value, str) else value
-            pair.append(
-                Figure(f"{family}_{key}", label, _format_figure(value, unit), number, unit or "")
-            )
+            text = _format_figure(value, unit)
+            if key in _SIZES and figures[family]["size"] == "assumed" and value is not None:
+                text += " (assumed)"
+            pair.append(Figure(f"{family}_{key}", label, text, number, unit or ""))
         found.append((pair[0], pair[1]))
     return found
 

@@ -371,6 +371,7 @@ def _report_yarns(threads: Threads, density: float | None) -> dict[str, Any]:
         "spacing": threads.mean_spacing(aspect * diameter),
         "section": section,
         "tex": tex,
+        "size": threads.size,
     }
 
 

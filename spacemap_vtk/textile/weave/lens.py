@@ -32,10 +32,8 @@ from spacemap_vtk.textile.weave.peirce import jam_height
 
 #: Height of the yarns of a draft as a share of the largest that can be woven.
 HEIGHT_SHARE = 0.92
-#: Width over height above which a yarn of known count does not close its cloth.
+#: Largest width over height of a yarn of known count; a thin yarn leaves the cloth open.
 _FLATTEST = 4.0
-#: Width over height that it then has, as in an open cloth.
-_OPEN_ASPECT = 2.0
 #: Number of bisections for the width at which yarns of known count fit.
 _BISECTIONS = 50
 
@@ -138,10 +136,9 @@ def fit_lenses(warp: DraftFamily, weft: DraftFamily) -> tuple[LensShape, LensSha
         For warp and weft. The product of their heights is at most 0.92**2 of that in (1).
 
         Without areas, yarns have the given widths and the largest heights, in the ratio of the
-        square roots of the widths. Yarns of known area have the given widths too, unless they would
-        be flatter than 4, which leaves the cloth open: then the aspect is 2. If they are then too
-        high, both families are made narrower and rounder until they fit. If not even round yarns
-        fit, they are round.
+        square roots of the widths. Yarns of known area have the given widths too, but an aspect of
+        at most 4, which leaves the cloth open. If they are then too high, both families are made
+        narrower and rounder until they fit. If not even round yarns fit, they are round.
     """
     largest = _solve_product((warp, weft))
     if warp.area is None and weft.area is None:
@@ -158,7 +155,7 @@ def fit_lenses(warp: DraftFamily, weft: DraftFamily) -> tuple[LensShape, LensSha
             own = own._replace(area=lens_area(aspect) * (own.width / aspect) ** 2)
         aspect = _aspect_for_area(own)
         families.append(own)
-        aspects.append(_OPEN_ASPECT if aspect > _FLATTEST else aspect)
+        aspects.append(min(aspect, _FLATTEST))
 
     def shapes(share: float) -> list[LensShape]:
         """Build sections between round ones (0) and those of the aspects above (1)."""

@@ -17,7 +17,12 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.double_weave import LEAST_YARNS, Layers, find_layers, one_layer_cure
 from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
 from spacemap_vtk.textile.weave.lens import DraftFamily, fit_lenses, neighbour_means
-from spacemap_vtk.textile.weave.thick_yarns import WIDTH_SHARE, flatten_yarns, scale_yarns
+from spacemap_vtk.textile.weave.thick_yarns import (
+    WIDTH_SHARE,
+    flatten_yarns,
+    is_feasible,
+    scale_yarns,
+)
 from spacemap_vtk.textile.weave.threads import Lengths, Threads, collapse_equal, repeat_values
 from spacemap_vtk.textile.weave.yarn import yarn_height
 from spacemap_vtk.textile.weave.yarn_library import parse_yarn
@@ -32,6 +37,8 @@ LAYERED_FILLING = 0.45
 _DOUBLE_WEAVE = "a double weave is drawn as two cloths, one above the other"
 #: Default width over height of yarns that are not round.
 ASPECT = 1.5
+#: Least share of a draft's thickness that is drawn; below it, the thickness is not believed.
+_LEAST_SHARE = 0.05
 #: Default colour of the warp.
 WARP_COLOR = (0x2D, 0x6A, 0x8E)
 #: Default colour of the weft.
@@ -141,9 +148,6 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
     filling = _default_filling(layers)
     warp = _resolve_threads(draft.warp, request.warp, request, ends, WARP_COLOR, filling)
     weft = _resolve_threads(draft.weft, request.weft, request, picks, WEFT_COLOR, filling)
-    closed = request.closes_cloth and layers is None
-    if closed:
-        warp, weft = _close_cloth(draft, request, warp, weft)
     densities = _bulk_density(request.warp, request), _bulk_density(request.weft, request)
     cloth = Cloth(
         drawdown=tile_drawdown(draft.drawdown, ends, picks),
@@ -160,9 +164,14 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         layer_gap=request.layer_gap,
         names=names,
     )
-    if closed:
-        return cloth
     given = draft.warp.thickness is not None, draft.weft.thickness is not None
+    if request.closes_cloth and layers is None:
+        sized = all(given) and not any(one.has_thickness for one in (request.warp, request.weft))
+        # Round yarns of the draft's thickness are kept if they fit.
+        if sized and request.warp.section is request.weft.section is None and is_feasible(cloth):
+            return cloth
+        warp, weft = _close_cloth(draft, request, warp, weft)
+        return replace(cloth, warp=warp, weft=weft)
     if request.thick_yarns == "refuse" and any(given):
         return replace(cloth, cure='Set thick_yarns to "scale" or "flatten".')
     thick = given[0] and not request.warp.has_thickness, given[1] and not request.weft.has_thickness
@@ -308,12 +317,14 @@ def _close_cloth(
             width = np.asarray(repeat_values(own.thickness, count))
         else:
             width = np.asarray(np.min(spacing))
-        # A draft's yarns may be thinner than their spaces. Those of a count are as wide as fits.
-        fill = WIDTH_SHARE * float(np.min(spacing / neighbour_means(width), initial=np.inf))
-        if not np.isfinite(fill):
-            fill = 1.0
-        share = min(1.0, fill) if area is None and own.thickness is not None else fill
-        families.append(DraftFamily(share * width, spacing, area))
+        fill = _filling_share(width, spacing)
+        if area is None and own.thickness is not None:
+            if fill < _LEAST_SHARE:  # a slip of units
+                width = np.asarray(np.min(spacing))
+                fill = _filling_share(width, spacing)
+            # A draft's yarns may be thinner than their spaces.
+            fill = min(1.0, fill)
+        families.append(DraftFamily(fill * width, spacing, area))
     shapes = fit_lenses(*families)
     closed = [
         replace(
@@ -326,6 +337,12 @@ def _close_cloth(
         for threads, shape, family in zip((warp, weft), shapes, families, strict=True)
     ]
     return closed[0], closed[1]
+
+
+def _filling_share(width: Floats, spacing: Floats) -> float:
+    """Compute the share of their widths at which neighbours fill nine tenths of their spacing."""
+    share = WIDTH_SHARE * float(np.min(spacing / neighbour_means(width), initial=np.inf))
+    return share if np.isfinite(share) else 1.0
 
 
 def _resolve_spacing(own: DraftThreads, request: ThreadsRequest, count: int) -> Lengths:

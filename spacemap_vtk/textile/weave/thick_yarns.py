@@ -33,7 +33,7 @@ def scale_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     def scale(factor: float) -> Cloth:
         return _replace_families(cloth, thick, lambda t: replace(t, diameter=factor * t.diameter))
 
-    limit = _largest_factor(lambda factor: _is_feasible(scale(factor)))
+    limit = _largest_factor(lambda factor: is_feasible(scale(factor)))
     if limit is None or limit == 1.0:
         return cloth, ""
     scaled = scale(THICKNESS_SHARE * limit)
@@ -45,7 +45,7 @@ def scale_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
 
 def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
-    if _is_feasible(cloth) or any(
+    if is_feasible(cloth) or any(
         _width_share(threads) < _LEAST
         for threads, mine in zip(cloth.threads, thick, strict=True)
         if mine
@@ -63,7 +63,7 @@ def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
 
         return _replace_families(cloth, thick, flatten_family)
 
-    limit = _largest_factor(lambda height: _is_feasible(flatten(height)))
+    limit = _largest_factor(lambda height: is_feasible(flatten(height)))
     if limit is None:
         return cloth, ""
     flattened = flatten(THICKNESS_SHARE * limit)
@@ -95,7 +95,8 @@ def _width_share(threads: Threads) -> float:
     return min(1.0, WIDTH_SHARE * float(np.min(np.asarray(threads.spacing) / between)))
 
 
-def _is_feasible(cloth: Cloth) -> bool:
+def is_feasible(cloth: Cloth) -> bool:
+    """Check whether there is a crimp height at which the yarns of a cloth have room."""
     try:
         _ = cloth.feasible_heights
     except GeometryError:
