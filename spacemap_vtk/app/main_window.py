@@ -31,6 +31,7 @@ from spacemap_vtk.app.panels.error_bar import ErrorBar
 from spacemap_vtk.app.panels.figures_tab import FiguresTab
 from spacemap_vtk.app.panels.gallery import Gallery
 from spacemap_vtk.app.panels.modes_tab import ModesTab
+from spacemap_vtk.app.panels.plan_tab import PlanTab
 from spacemap_vtk.app.panels.properties import Properties
 from spacemap_vtk.app.panels.pull_tab import PullTab
 from spacemap_vtk.app.panels.stage_list import StageList
@@ -106,12 +107,14 @@ class MainWindow(QMainWindow):
         self.plots = PlotsTab(self.document, self.engine)
         self.pull = PullTab(self.document)
         self.figures = FiguresTab(self.document, self.engine)
+        self.plan = PlanTab(self.document, self.engine)
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
         self.tabs.addTab(self.pull, "Pull")
         self.tabs.addTab(self.figures, "Figures")
+        self.tabs.addTab(self.plan, "Plan")
         self.files = FileCommands(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
         self._lay_out()
@@ -289,6 +292,8 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self.plots.follow)
         self.director.drawn.connect(self.modes.response.follow)
         self.director.drawn.connect(self.figures.follow)
+        self.director.drawn.connect(self.plan.follow)
+        self.plan.export_requested.connect(self.exports.plan)
         self.draft.dragging.connect(self.director.set_dragging)
         self.draft.save_button.clicked.connect(self.files.save_draft)
         self.draft.open_requested.connect(self.files.switch_to)
@@ -402,6 +407,7 @@ class MainWindow(QMainWindow):
 
     def _show_view_settings(self) -> None:
         moves = self.document.scene.moves
+        self.tabs.setTabVisible(self.tabs.indexOf(self.plan), self.document.scene.woven is not None)
         self.times.set_moves(moves)
         self.menus.time.setEnabled(moves)
         self.tools.show_scene(self.document.scene)

@@ -24,6 +24,8 @@ from spacemap_vtk.temporary_files import raise_on_signals
 
 #: Added to the process's niceness, so that the window stays responsive.
 _NICENESS = 5
+#: Kinds of jobs that need only the draft, which is valid even if its yarns do not fit.
+_WITHOUT_GEOMETRY = ("draft", "plan")
 #: Attributes of an error that are sent to the other process.
 _ERROR_PARTS = ("message", "section", "key", "value", "allowed", "cure")
 
@@ -54,7 +56,7 @@ def main() -> None:
         scene = Scene(request["values"], Path(request["base"]))
         # Errors name the output file only, because the user does not know the hidden folder.
         with raise_on_signals(), explain_disk_errors(job.output, job.output.name):
-            if job.kind != "draft":  # a draft is valid even if its yarns do not fit
+            if job.kind not in _WITHOUT_GEOMETRY:
                 scene.check()
             result = job.run(
                 scene,

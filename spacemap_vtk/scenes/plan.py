@@ -174,6 +174,7 @@ def _repeat_once(
             changes[parameter_name("spacing", family)] = None
             changes[parameter_name("sett", family)] = setts[family]
     made = type(woven)(**{**woven.settings, **changes, "ends": size[0] + 1, "picks": size[1] + 1})
+    woven.lend(made)  # what it has read of the draft
     return _Unit(made, made.cloth, (size[0], size[1]))
 
 

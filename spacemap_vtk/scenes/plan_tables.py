@@ -491,11 +491,11 @@ def _order_as_json(order: Iterable[tuple[Color, int]]) -> list[dict[str, Any]]:
     return [{"color": format_color(color), "threads": count} for color, count in order]
 
 
-def plan_as_csv(plan: ScenePlan) -> str:
+def plan_as_csv(plan: ScenePlan, separator: str = ",") -> str:
     """Return the tables of a plan for spreadsheets; units are in headings or beside the number."""
     units = plan.settings.units
     stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
+    writer = csv.writer(stream, delimiter=separator, lineterminator="\n")
     writer.writerow(["Plan", plan.title])
     for table in plan_tables(plan):
         writer.writerow([])

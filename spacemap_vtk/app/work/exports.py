@@ -121,6 +121,22 @@ class Exports(QObject):
             times = dialog.times
         self.start(kind, path, times=times)
 
+    def plan(self, ending: str, settings: Mapping[str, Any]) -> None:
+        """Ask for a file, and write the weaver's plan."""
+        if not self._require_idle():
+            return
+        label = {".pdf": "Document", ".csv": "Table"}[ending]
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            "Save plan",
+            str(self._propose_path(ending)),
+            name_filter(label, [ending]),
+        )
+        path = add_ending(self._window, Path(name), ending) if name else None
+        if path is not None:
+            QSettings().setValue(_FOLDER_KEY, str(path.parent))
+            self.start("plan", path, settings=settings)
+
     def start(
         self,
         kind: str,
