@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QGuiApplication, QPalette, QShowEvent
+from PySide6.QtGui import QGuiApplication, QPalette, QShowEvent, QTextOption
 from PySide6.QtWidgets import (
     QComboBox,
     QFrame,
@@ -89,6 +89,7 @@ class PlanTab(QWidget):
         self.units.activated.connect(self._set_units)
         self.result = QTextBrowser(openLinks=False)
         self.result.setFrameShape(QFrame.Shape.NoFrame)
+        self.result.setWordWrapMode(QTextOption.WrapMode.WordWrap)  # never within a word
         fields = QScrollArea(widgetResizable=True)
         fields.setFrameShape(QFrame.Shape.NoFrame)
         fields.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -294,7 +295,8 @@ def _table_html(table: PlanTable, units: str, faint: str) -> str:
                 cells.append(_cell_html(text, faint if number == 0 else "", wraps=number > 0))
             else:
                 right = not isinstance(cell, str)
-                cells.append(_cell_html(text, right=right, short=is_wide))
+                wraps = is_wide and not right
+                cells.append(_cell_html(text, right=right, wraps=wraps, short=is_wide))
         rows.append(cells)
     lines = "".join(f"<tr>{''.join(cells)}</tr>" for cells in rows)
     size = "small" if is_wide else "medium"
