@@ -402,7 +402,7 @@ class _PreparedPatches:
         self.cloth_strands: Strands | None = None
         self.fibre_directions: vtkDataArray | None = None
         #: Irregularity of the last result of `look`, and the arrays that it has at any time.
-        self.irregular: tuple[Irregularity, AnyFloats, AnyFloats] | None = None
+        self.irregular: tuple[Irregularity, AnyFloats, AnyFloats, AnyFloats] | None = None
         self.arrays: dict[str, tuple[vtkDataArray, int, vtkDataArray]] = {}
         self.labels: dict[str, tuple[vtkDataArray, int, vtkDataArray | None]] = {}
 
@@ -466,9 +466,10 @@ class _PreparedPatches:
         if self.irregular is None or self.irregular[0] != irregularity:
             parts = [group.face_and_brightness(strands, irregularity) for group in self.groups]
             face, bright = map(_concatenate, zip(*parts, strict=True))
-            self.irregular = irregularity, face, bright
-        _, face, bright = self.irregular
-        return np.stack([exposure.at(rest, face), bright], axis=1)
+            sides = [np.full(g.tessellation.point_count, 1.0 / g.sides) for g in self.groups]
+            self.irregular = irregularity, face, bright, _concatenate(sides)
+        _, face, bright, facet = self.irregular
+        return np.stack([exposure.at(rest, face, facet), bright], axis=1)
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
         """Return a point array as a cell array, if it has one integer for each patch."""

@@ -100,7 +100,7 @@ STYLES = {
         # the right brightens the shadows, and a rim light from behind separates the cloth from the
         # background.
         lamps=(
-            Lamp((-0.8, 0.95, 0.9), 0.80, (1.0, 0.95, 0.87)),
+            Lamp((-0.8, 0.95, 0.9), 0.86, (1.0, 0.95, 0.87)),
             Lamp((1.0, 0.1, 0.6), 0.18, (0.78, 0.89, 1.0)),
             Lamp((0.35, 0.7, -0.6), 0.12, (0.95, 0.97, 1.0)),
         ),

@@ -48,7 +48,7 @@ vec4 reflectedLight(vec3 n, vec3 eye)
 // one another, so that gaps between them are less dark, and keep their colour.
 vec4 shadedLight(vec4 light, float exposure, vec3 hue)
 {
-  float open = 1.0 - shadows * (1.0 - exposure);
+  float open = 1.0 - shadows * (1.0 - clamp(exposure, 0.0, 1.0));
   open *= open;
   return vec4(light.rgb * open / (1.0 - BOUNCE * hue * hue * (1.0 - open)), light.a * open);
 }

@@ -348,7 +348,8 @@ def shade(
                 exposed = w[0] * looks[a, 0] + w[1] * looks[b, 0] + w[2] * looks[c, 0]
                 bright = w[0] * looks[a, 1] + w[1] * looks[b, 1] + w[2] * looks[c, 1]
                 hue = hue[0] * bright, hue[1] * bright, hue[2] * bright
-                light = _shaded_light(light, (1.0 - numbers[8] * (1.0 - exposed)) ** 2, hue)
+                hidden = min(max(1.0 - exposed, 0.0), 1.0)
+                light = _shaded_light(light, (1.0 - numbers[8] * hidden) ** 2, hue)
             visible_color(triples, numbers, hue, light, line, pixel)
             for k in range(3):
                 out[row, column, k] = min(max(pixel[k], 0.0), 1.0)

@@ -28,6 +28,9 @@ _SAMPLES = 12
 _MOST_SAMPLES = 3_000_000
 #: Share of a step by which samples are off round places.
 _OFF_EDGES = 0.37
+#: Height by which crowns between the widest facets are raised, as a share of the half height: the
+#: mean exposure is then close to that of fine facets.
+_BULGE = 1.1
 #: Samples on each part of an axis.
 _OF_PART = 4
 
@@ -53,16 +56,20 @@ class ClothExposure:
             first, last = np.floor((ends[0] - margin) / step), np.ceil((ends[1] + margin) / step)
             self._lines.append(step * (np.arange(first, last + 1.0) + _OFF_EDGES))
         top, bottom = _face_heights(cloth, self._lines)
-        floor, ceiling = bottom.min(), top.max()
-        faces = [np.maximum(top, floor), -np.minimum(bottom, ceiling)]
+        # Holes do not count.
+        covered = np.isfinite(top)
+        faces = [np.where(covered, face, np.float32(0.0)) for face in (top, -bottom)]
+        self._half_height = 0.5 * height
         steps = [line[1] - line[0] for line in self._lines]
         self._scales, self._means = [], []
         for radius, slope, most in SCALES:
             sigma = [radius * height / step for step in steps]
             self._scales.append((slope / (radius * height), 1.0 - most))
-            self._means.append([gaussian_filter(face, sigma, mode="nearest") for face in faces])
+            weight = gaussian_filter(covered.astype(np.float32), sigma)
+            np.maximum(weight, np.float32(1e-3), out=weight)
+            self._means.append([gaussian_filter(face, sigma) / weight for face in faces])
 
-    def at(self, places: AnyFloats, face: AnyFloats) -> Singles:
+    def at(self, places: AnyFloats, face: AnyFloats, facet: AnyFloats) -> Singles:
         """Compute the exposure of places on yarns.
 
         Parameters
@@ -71,11 +78,15 @@ class ClothExposure:
             In the cloth at rest, in m.
         face : ndarray of float, shape (N,)
             1 on the top of a yarn, 0 on its sides, -1 below; NaN on its cut ends, which are free.
+        facet : ndarray of float, shape (N,)
+            Width of the facets between which values are interpolated, as a share of a quarter of
+            the yarn's outline.
 
         Returns
         -------
         ndarray of float32, shape (N,)
-            1 on free crowns, near 0 in deep gaps.
+            Near 0 in deep gaps, and 1 or more on free crowns: to be limited to 1 after it is
+            interpolated. So the mean over wide facets is that over narrow ones.
         """
         from scipy.ndimage import map_coordinates
 
@@ -85,16 +96,20 @@ class ClothExposure:
                 for axis, line in enumerate(self._lines)
             ]
         )
+        cut = np.isnan(face)
+        face = np.where(cut, 0.0, face)
         upper = np.clip(0.5 + face, 0.0, 1.0)
-        height, exposure = places[:, 2], np.ones(len(places))
+        # Between places on a round yarn, linear interpolation is below the yarn.
+        height = places[:, 2] + _BULGE * self._half_height * facet**3 * face
+        exposure = np.ones(len(places))
         for (slope, least), means in zip(self._scales, self._means, strict=True):
             above, below = (
                 map_coordinates(mean, index, order=1, mode="nearest", output=np.float64)
                 for mean in means
             )
             depth = upper * (above - height) + (1.0 - upper) * (below + height)
-            exposure *= np.clip(1.0 - slope * depth, least, 1.0)
-        exposure[np.isnan(face)] = 1.0
+            exposure *= np.maximum(1.0 - slope * depth, least)
+        exposure[cut] = 1.0
         return exposure.astype(np.float32)
 
 

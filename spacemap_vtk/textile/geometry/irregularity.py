@@ -26,8 +26,6 @@ _CORRELATION = 2.0
 #: Steps per octave to which this distance is rounded: a crop of a cloth with unequal spacings,
 #: whose mean differs slightly, shows the same yarns as the whole.
 _STEPS = 2
-#: Share of the room to the next yarn of the family that a wider yarn may take: both may be wide.
-_ROOM = 0.9
 #: Numbers that make the three changes independent.
 _POSITION, _WIDTH, _ALONG, _WHOLE = range(4)
 
@@ -51,20 +49,15 @@ class YarnPlaces(NamedTuple):
     """Spacing of the yarn's family, in metres."""
     crossed: AnyFloats
     """Spacing of the yarns that it crosses, in metres."""
-    room: AnyFloats
-    """Room between neighbours of the family, as a share of their width."""
 
 
 def lateral_changes(irregularity: Irregularity, places: YarnPlaces) -> tuple[Floats, Floats]:
-    """Compute how far yarns are moved sideways [m], and the relative changes of their width."""
+    """Compute how far yarns are moved sideways [m], and relative changes of their width."""
     step = _steps_along(places)
     shift = smooth_noise(irregularity.seed, _POSITION, places.yarn, step)
     widening = smooth_noise(irregularity.seed, _WIDTH, places.yarn, step)
-    room = _ROOM * np.maximum(places.room, 0.0)
-    return (
-        POSITION * irregularity.amount * places.spacing * shift,
-        np.minimum(WIDTH * irregularity.amount * widening, room),
-    )
+    amount = irregularity.amount
+    return POSITION * amount * places.spacing * shift, WIDTH * amount * widening
 
 
 def relative_brightness(irregularity: Irregularity, places: YarnPlaces) -> Floats:

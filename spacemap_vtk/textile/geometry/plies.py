@@ -150,8 +150,8 @@ class Strands:
         self._plies, self._diameter = plies, diameter
         self._along = places[:, 0], places[:, 1] - places[:, 0]
         self._number = places[:, 3].astype(np.int64)
-        #: Spacing of each part's family, of the crossing one, and room beside the yarn over width.
-        families = [(f.spacing, f.crossed, f.spacing / f.width - 1.0) for f in cloth.families]
+        #: Spacing of each part's family, and of the crossing one.
+        families = [(family.spacing, family.crossed) for family in cloth.families]
         self._lengths = np.array(families)[own].T
         # Looms do not align bobbins, so plies of neighbouring yarns begin at different phases.
         begin = turns * places[:, 0] + PHASE_STEP * places[:, 3]
@@ -312,6 +312,9 @@ class Strands:
             side /= np.linalg.norm(side, axis=-1, keepdims=True)
             frames[:, some] = middle, side
             across = ((there - middle[..., None, :]) * side[..., None, :]).sum(axis=-1)
+            # Wider yarns at most touch their neighbours.
+            room = 0.5 * self._lengths[0][some, None] / np.abs(across).max(axis=-1) - 1.0
+            widening[some] = np.minimum(widening[some], np.maximum(room, 0.0))
             change = shift[some][..., None] + widening[some][..., None] * across
             moved[rings] = there + change[..., None] * side[..., None, :]
         closing = self._net[self.tube_count :].reshape(-1, 16)
