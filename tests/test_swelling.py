@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from spacemap_vtk import WeaveSource
+from spacemap_vtk.textile.drafts.pattern_weft import find_pattern_weft
 from spacemap_vtk.textile.geometry.section import build_section
-from spacemap_vtk.textile.geometry.swelling import RISE, WIDEST, swollen_changes
+from spacemap_vtk.textile.geometry.swelling import RISE, swollen_changes
 from spacemap_vtk.textile.geometry.weave import Weave, build_weave
 from spacemap_vtk.textile.patches.tessellation import Tessellation
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -89,6 +93,37 @@ def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> No
     assert max(least) < 1e-2 * size
 
 
+def test_a_pattern_weft_covers_its_tabby_without_overlap() -> None:
+    draft = Path(__file__).parents[1] / "scenes" / "drafts" / "overshot.wif"
+    cloth = WeaveSource(draft=draft, ends=14, picks=14).cloth
+    pattern = find_pattern_weft(cloth.drawdown)
+    assert pattern is not None
+    points, normals, yarn = surface(build_weave(cloth), 10)
+    picks = cloth.size[0] + np.arange(cloth.size[1])
+    lower, upper = (
+        np.array([extreme(points[yarn == pick, 1]) for pick in picks]) for extreme in (min, max)
+    )
+    size = float(np.max(cloth.weft.diameter))
+    covered = [upper[n] - lower[n + 1] for n in range(13) if pattern.pattern[n : n + 2].any()]
+    assert max(covered) > 0.2 * size
+    deepest, compared = [], 0
+    for one, other in itertools.pairwise(picks):
+        mine, facing = points[yarn == one], yarn == other
+        sheets = []
+        for side in (1.0, -1.0):
+            sheet = facing & (side * normals[:, 2] > 0.0)
+            away, nearest = cKDTree(points[sheet, :2]).query(mine[:, :2])
+            foot, up = points[sheet][nearest], normals[sheet][nearest]
+            height = ((foot - mine) * up).sum(axis=1) / np.abs(up[:, 2])
+            sheets.append(np.where(away < 0.1 * size, height, -np.inf))
+        # How far a point is below the upper and above the lower side of the other yarn.
+        depth = np.minimum(*sheets)
+        compared += np.count_nonzero(np.isfinite(depth))
+        deepest.append(depth.max())
+    assert compared > 200
+    assert max(deepest) < 4e-3 * size
+
+
 def test_neighbouring_floats_close_up_and_stay_apart() -> None:
     cloth = closed_cloth(WEAVES["twill"])
     points, _, yarn = surface(build_weave(cloth), 6)
@@ -105,7 +140,8 @@ def test_the_face_of_a_swollen_section_lies_in_the_circle_of_contact(
     aspect: float, exact: bool
 ) -> None:
     lens = build_section("lenticular", aspect, exact)
-    lateral, normal = swollen_changes(aspect, exact)
+    widest = 1.4
+    lateral, normal = swollen_changes(aspect, exact, widest)
     radius = 2.0 * face_radius(aspect)
     t = np.linspace(0.0, 1.0, 50)[:, None]
     basis = np.hstack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3])
@@ -117,7 +153,7 @@ def test_the_face_of_a_swollen_section_lies_in_the_circle_of_contact(
         weights /= weights.sum(axis=1, keepdims=True)
         distance = np.hypot(weights @ x[3:7], weights @ z[3:7] - (radius - 1.0))
         assert distance.max() < radius * (1.0 + 1e-5 if exact else 1.0 + 3e-4)
-        assert x[3] <= WIDEST * aspect * (1.0 + 1e-12)
+        assert x[3] <= widest * aspect * (1.0 + 1e-12)
         # The same, upside down.
         turned = lens.normal + share * (normal[2] + wide * normal[3])
         assert turned == pytest.approx(-z[(6 - np.arange(12)) % 12])

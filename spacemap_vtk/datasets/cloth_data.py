@@ -7,6 +7,8 @@ The arrays, where NaN means unknown:
 - ``cloth_warp_section``: index into `SECTIONS`, and width over height.
 - ``cloth_warp_twist``, ``cloth_warp_plies``: turns per metre, positive for Z, and number of plies;
   one value or one for each yarn.
+- ``cloth_warp_float_width``: m, only where floats swell to given widths; one value or one for each
+  yarn.
 - ``cloth_weft_...``: the same for the weft.
 - ``cloth_measures``: number of ends, number of picks, crimp height (m), overhang (m), density of
   the yarns (kg/m3), 0 or 1 for closed ends, 0 or 1 for rational patches, index of the axis in
@@ -78,6 +80,9 @@ def add_cloth(data: vtkDataObject, cloth: Cloth) -> None:
         add_array(field, f"{name}_spacing", spacing if spacing.size else np.array([nan]))
         kind = SECTIONS.index(threads.section)
         add_array(field, f"{name}_section", np.array([kind, threads.aspect]))
+        if threads.float_width is not None:
+            wide = np.array(threads.float_width, np.float64, ndmin=1)
+            add_array(field, f"{name}_float_width", wide)
         twist = nan if threads.twist is None else threads.twist
         for key, seen in (("twist", twist), ("plies", threads.plies)):
             add_array(field, f"{name}_{key}", np.array(seen, np.float64, ndmin=1))
@@ -141,6 +146,9 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
                 aspect=aspect,
                 twist=None if np.isnan(twist).any() else twist,
                 plies=plies,
+                float_width=lengths(wide)
+                if field.HasArray(wide := f"{name}_float_width")
+                else None,
             )
         )
     drawdown = values(_DRAWDOWN, int(ends) * int(picks)).reshape(int(picks), int(ends)) != 0

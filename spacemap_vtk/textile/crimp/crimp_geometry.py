@@ -26,12 +26,11 @@ from spacemap_vtk.textile.geometry.cloth_axes import (
     ALL_YARNS,
     YarnSelection,
     swelling_floats,
-    widening_room,
     woven_gaps,
 )
 from spacemap_vtk.textile.geometry.section import Cap, Section, build_cap, build_section
 from spacemap_vtk.textile.geometry.sweep import Tubes, fill_cap_points, swell_section
-from spacemap_vtk.textile.geometry.swelling import ring_shares
+from spacemap_vtk.textile.geometry.swelling import float_widening, ring_shares
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 
@@ -257,14 +256,15 @@ class CrimpGeometry:
         station = np.arange(len(path.length)) + path.owner
         middle = 0.5 * (path.along[station] + path.along[station + 1])
         place, threads = crossed.position, cloth.threads[number]
-        shape = build_section(threads.shape, threads.aspect, cloth.exact)
+        widening, widest = float_widening(cloth, number)
+        shape = build_section(threads.shape, threads.aspect, cloth.exact, widest)
         numbers = np.arange(cloth.size[number])[some]
         ends = cloth.size[0]
         step, across = (ends, 1) if number == 0 else (1, ends)
         base = number * cloth.drawdown.size + across * numbers
         nearest = np.searchsorted(0.5 * (place[1:] + place[:-1]), middle)
         basis = np.stack([np.ones(shape.size), shape.normal, shape.lateral])
-        sections = swell_section(shape, ring_shares(path, widening_room(cloth, number)[some]))
+        sections = swell_section(shape, ring_shares(path, widening[some]))
         return _Family(
             upper=upper,
             radius=np.repeat(path.radius, 3 * path.parts + 1),

@@ -11,7 +11,6 @@ from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.geometry.arcs import Gaps, build_axes, build_gaps
 from spacemap_vtk.textile.geometry.axis_parts import Axes, sample_places
 from spacemap_vtk.textile.geometry.spline import build_spline_axes
-from spacemap_vtk.textile.geometry.swelling import room_to_widen
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import YarnIndices
 
@@ -56,12 +55,6 @@ def swelling_floats(cloth: Cloth, number: int, some: YarnIndices) -> Bools | Non
         return None
     # On the flats of racetracks there are more parts than crossings.
     return None if cloth.threads[1 - number].has_flats else cloth.is_over(number, some)
-
-
-def widening_room(cloth: Cloth, number: int) -> Floats:
-    """Compute how much of the largest widening each end (0) or pick (1) has room for."""
-    yarns = cloth.yarns[number]
-    return room_to_widen(yarns.aspect * yarns.diameter, yarns.spacing)
 
 
 def woven_gaps(cloth: Cloth, number: int, some: YarnIndices = slice(None)) -> Gaps:

@@ -103,7 +103,7 @@ def crop_cloth(cloth: Cloth, part: YarnSelection) -> Cloth:
         apart = whole.spacing
         own: dict[str, Any] = {
             name: value[some]
-            for name in ("diameter", "twist", "plies")
+            for name in ("diameter", "twist", "plies", "float_width")
             if isinstance(value := getattr(whole, name), np.ndarray)
         }
         threads.append(
@@ -301,7 +301,9 @@ def _number_yarn_kinds(cloth: Cloth, number: int) -> Ints:
     own = cloth.yarns[number]
     apart = np.diff(own.position, prepend=np.nan, append=np.nan)
     thick = np.pad(np.broadcast_to(own.diameter, len(own.position)), 1, mode="edge")
-    measures = [thick[:-2], thick[1:-1], thick[2:], apart[:-1], apart[1:]]
+    widest = cloth.threads[number].float_width
+    wide = np.broadcast_to(0.0 if widest is None else widest, len(own.position))
+    measures = [thick[:-2], thick[1:-1], thick[2:], apart[:-1], apart[1:], wide]
     size = float(np.mean(own.diameter))
     rounded = np.rint(np.nan_to_num(np.stack(measures, axis=1)) / (1e-6 * size)).astype(np.int64)
     kinds = np.unique(rounded, axis=0, return_inverse=True)[1]

@@ -43,10 +43,10 @@ class Section(NamedTuple):
         return len(self.lateral)
 
 
-def build_section(kind: str, aspect: float, exact: bool) -> Section:
-    """Build a section of half height 1."""
+def build_section(kind: str, aspect: float, exact: bool, widest: float = 1.0) -> Section:
+    """Build a section of half height 1; `widest` is the widening of the floats of a lens."""
     if kind == "lenticular":
-        return _build_lens(aspect, exact)
+        return _build_lens(aspect, exact, widest)
     if exact:
         handle, weight = map(float, rational_handles(0.5 * pi))
     else:
@@ -71,7 +71,7 @@ def build_section(kind: str, aspect: float, exact: bool) -> Section:
     )
 
 
-def _build_lens(aspect: float, exact: bool) -> Section:
+def _build_lens(aspect: float, exact: bool, widest: float) -> Section:
     """Build a lens: four arcs, with an edge where the upper two meet the lower two."""
     angle, radius = edge_angle(aspect), 2.0 * face_radius(aspect)
     if exact:
@@ -89,7 +89,7 @@ def _build_lens(aspect: float, exact: bool) -> Section:
         0.0 if exact else radius * cubic_error(angle),
         aspect,
         aspect,
-        swollen_changes(aspect, exact),
+        swollen_changes(aspect, exact, widest),
     )
 
 

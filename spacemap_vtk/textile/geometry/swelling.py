@@ -3,7 +3,8 @@
 In a float a yarn is free on its outer side. There its section swells: the outer side rises and
 becomes rounder, and the section becomes wider along the circle on which it touches other yarns, so
 that neighbouring floats close up. On that circle nothing overlaps (see
-`spacemap_vtk.textile.weave.lens`), as long as the yarns are no wider than their spacing.
+`spacemap_vtk.textile.weave.lens`), as long as the yarns are no wider than their spacing. A pattern
+weft is wider: it covers the tabby beside it (`spacemap_vtk.textile.weave.pattern_sections`).
 
 Swelling is described by a share s from 0 (a lens) to 1. It rises along the arc that leads into a
 float, is 1 in the middle of the float, and is negative where the outer side is below.
@@ -18,10 +19,11 @@ import numpy as np
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.geometry.axis_parts import Axes
 from spacemap_vtk.textile.patches.bezier import rational_handles
+from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.lens import edge_angle, face_radius
 
-#: Largest width over that of the lens.
-WIDEST = 1.15
+#: Largest width over that of the lens, unless the widths of floats are given.
+_WIDEST = 1.15
 #: Largest width as a share of the spacing.
 _FILLED = 0.985
 #: Largest rise of the outer side, as a share of the height.
@@ -87,7 +89,7 @@ def ring_shares(path: Axes, widening: Floats) -> Floats | None:
     path : Axes
         Axes of some yarns.
     widening : ndarray of float, shape (yarns,)
-        As from `room_to_widen`, for these yarns.
+        As from `float_widening`, for these yarns.
 
     Returns
     -------
@@ -110,29 +112,38 @@ def ring_shares(path: Axes, widening: Floats) -> Floats | None:
     return np.stack([above, wide * above, below, wide * below], axis=1)
 
 
-def room_to_widen(width: Floats, spacing: Floats) -> Floats:
-    """Compute how much of the largest widening each yarn has room for.
+def float_widening(cloth: Cloth, number: int) -> tuple[Floats, float]:
+    """Compute how much wider the floats of ends (0) or picks (1) get.
 
     Parameters
     ----------
-    width : ndarray of float, shape (n,)
-        Widths of the lenses, in metres.
-    spacing : ndarray of float, shape (n - 1,)
-        Distances between neighbours, in metres.
+    cloth : Cloth
+        The cloth.
+    number : {0, 1}
+        The family.
 
     Returns
     -------
-    ndarray of float, shape (n,)
-        From 0 to 1.
+    share : ndarray of float, shape (yarns,)
+        Of the largest widening, from 0 to 1.
+    widest : float
+        The largest width of a float over that of its lens.
     """
-    room = _FILLED * spacing / (0.5 * (width[1:] + width[:-1])) - 1.0
-    most = np.full(len(width), WIDEST - 1.0)
-    most[1:] = np.minimum(most[1:], room)
-    most[:-1] = np.minimum(most[:-1], room)
-    return np.clip(most, 0.0, None) / (WIDEST - 1.0)
+    yarns, given = cloth.yarns[number], cloth.threads[number].float_width
+    width = yarns.aspect * yarns.diameter
+    if given is not None:
+        most = _FILLED * given / width
+    else:
+        room = _FILLED * yarns.spacing / (0.5 * (width[1:] + width[:-1]))
+        most = np.full(len(width), _WIDEST)
+        most[1:] = np.minimum(most[1:], room)
+        most[:-1] = np.minimum(most[:-1], room)
+    most = np.maximum(most, 1.0)
+    widest = _WIDEST if given is None else max(_WIDEST, float(most.max()))
+    return (most - 1.0) / (widest - 1.0), widest
 
 
-def swollen_changes(aspect: float, exact: bool) -> tuple[Floats, Floats]:
+def swollen_changes(aspect: float, exact: bool, widest: float) -> tuple[Floats, Floats]:
     """Compute the changes of a lens' control points for full swelling.
 
     Parameters
@@ -141,6 +152,8 @@ def swollen_changes(aspect: float, exact: bool) -> tuple[Floats, Floats]:
         Width over height of the lens.
     exact : bool
         Whether the control points have the rational weights of the lens.
+    widest : float
+        Largest width of a float over that of the lens.
 
     Returns
     -------
@@ -151,7 +164,7 @@ def swollen_changes(aspect: float, exact: bool) -> tuple[Floats, Floats]:
     """
     weight = float(rational_handles(edge_angle(aspect))[1]) if exact else 1.0
     # The largest width must leave an edge on the circle of contact.
-    most = max(min(WIDEST * aspect, _STEEPEST * 2.0 * face_radius(aspect)), aspect)
+    most = max(min(widest * aspect, _STEEPEST * 2.0 * face_radius(aspect)), aspect)
     lens = _swollen_ring(aspect, aspect, 0.0, 0.0, weight)
     narrow = _swollen_ring(aspect, aspect, 2.0 * RISE, _ROUND, weight)
     wide = _swollen_ring(aspect, most, 2.0 * RISE, _ROUND, weight)

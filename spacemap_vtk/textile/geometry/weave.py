@@ -27,12 +27,11 @@ from spacemap_vtk.textile.geometry.cloth_axes import (
     YarnSelection,
     cloth_axes,
     family_axes,
-    widening_room,
 )
 from spacemap_vtk.textile.geometry.section import Section, build_cap, build_section, cubic_error
 from spacemap_vtk.textile.geometry.spline import offset_error
 from spacemap_vtk.textile.geometry.sweep import CentreLines, Tubes, sweep
-from spacemap_vtk.textile.geometry.swelling import ring_shares
+from spacemap_vtk.textile.geometry.swelling import float_widening, ring_shares
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import Crimp
 
@@ -122,7 +121,7 @@ def build_weave(
     )
     numbers = np.arange(ends)[selection.ends], ends + np.arange(picks)[selection.picks]
     lines = [
-        _centre_lines(path, number, numbers[number], widening_room(cloth, number)[some])
+        _centre_lines(path, number, numbers[number], float_widening(cloth, number)[0][some])
         for number, (path, some) in enumerate(zip(paths, selection, strict=True))
     ]
     warp, weft = cloth.families
@@ -147,7 +146,10 @@ def _part_places(path: Axes, numbers: Ints) -> Floats:
 
 
 def _family_sections(cloth: Cloth) -> tuple[Section, Section]:
-    warp, weft = (build_section(t.shape, t.aspect, cloth.exact) for t in cloth.threads)
+    warp, weft = (
+        build_section(t.shape, t.aspect, cloth.exact, float_widening(cloth, number)[1])
+        for number, t in enumerate(cloth.threads)
+    )
     return warp, weft
 
 

@@ -10,13 +10,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from spacemap_vtk.errors import InfoMessage, InputError
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
+from spacemap_vtk.textile.drafts.pattern_weft import find_pattern_weft
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.double_weave import LEAST_YARNS, Layers, find_layers, one_layer_cure
 from spacemap_vtk.textile.weave.families import QuantityNames, quantity_name
-from spacemap_vtk.textile.weave.lens import DraftFamily, fit_lenses, neighbour_means
+from spacemap_vtk.textile.weave.lens import (
+    DraftFamily,
+    LensShape,
+    face_radius,
+    fit_lenses,
+    neighbour_means,
+)
+from spacemap_vtk.textile.weave.pattern_sections import (
+    USUAL_RATIO,
+    PatternSections,
+    close_over_tabby,
+)
 from spacemap_vtk.textile.weave.thick_yarns import (
     WIDTH_SHARE,
     flatten_yarns,
@@ -39,6 +51,8 @@ _DOUBLE_WEAVE = "a double weave is drawn as two cloths, one above the other"
 ASPECT = 1.5
 #: Least share of a draft's thickness that is drawn; below it, the thickness is not believed.
 _LEAST_SHARE = 0.05
+#: Thickness of pattern picks over that of tabby below which a draft does not tell them apart.
+_EQUAL_PICKS = 1.05
 #: Default colour of the warp.
 WARP_COLOR = (0x2D, 0x6A, 0x8E)
 #: Default colour of the weft.
@@ -170,7 +184,7 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         # Round yarns of the draft's thickness are kept if they fit.
         if sized and request.warp.section is request.weft.section is None and is_feasible(cloth):
             return cloth
-        warp, weft = _close_cloth(draft, request, warp, weft)
+        warp, weft = _close_cloth(draft, request, warp, weft, cloth.drawdown)
         return replace(cloth, warp=warp, weft=weft)
     if request.thick_yarns == "refuse" and any(given):
         return replace(cloth, cure='Set thick_yarns to "scale" or "flatten".')
@@ -300,7 +314,7 @@ def _default_aspect(request: ThreadsRequest, section: str, spacing: Lengths) -> 
 
 
 def _close_cloth(
-    draft: Draft, request: ClothRequest, warp: Threads, weft: Threads
+    draft: Draft, request: ClothRequest, warp: Threads, weft: Threads, drawdown: Bools
 ) -> tuple[Threads, Threads]:
     """Give warp and weft lenticular sections that close the cloth, or those of their counts."""
     families = []
@@ -325,7 +339,16 @@ def _close_cloth(
             # A draft's yarns may be thinner than their spaces.
             fill = min(1.0, fill)
         families.append(DraftFamily(fill * width, spacing, area))
+    laid = None
+    if request.from_file and request.weft.spacing is request.weft.sett is families[1].area is None:
+        thickness = repeat_values(families[1].width, len(weft.colors))
+        laid = _lay_pattern_weft(drawdown, thickness, families[1].spacing)
+    if laid is not None:
+        weft = replace(weft, spacing=np.diff(laid.position))
+        families[1] = DraftFamily(laid.width, np.asarray(weft.spacing), None)
     shapes = fit_lenses(*families)
+    if laid is not None:
+        weft = replace(weft, float_width=_covering_widths(laid, shapes[1]))
     closed = [
         replace(
             threads,
@@ -337,6 +360,35 @@ def _close_cloth(
         for threads, shape, family in zip((warp, weft), shapes, families, strict=True)
     ]
     return closed[0], closed[1]
+
+
+def _lay_pattern_weft(
+    drawdown: Bools, thickness: Lengths, spacing: Floats
+) -> PatternSections | None:
+    """Lay picks as they close on the loom, if a pattern weft covers a tabby; otherwise None."""
+    found = find_pattern_weft(drawdown, thickness)
+    if found is None:
+        return None
+    picks = len(drawdown)
+    width = np.broadcast_to(thickness, picks)
+    ratio = float(width[found.pattern].mean() / width[~found.pattern].mean())
+    # Most drafts give all picks one thickness.
+    ratio = ratio if ratio > _EQUAL_PICKS else USUAL_RATIO
+    between = np.broadcast_to(spacing, picks - 1)
+    length = float(between.sum() + between.mean())
+    return close_over_tabby(found.pattern, length, ratio, WIDTH_SHARE)
+
+
+def _covering_widths(laid: PatternSections, shape: LensShape) -> Floats:
+    """Return widths to which floats may swell: those that cover the tabby, if there is room."""
+    heights, gap = np.asarray(shape.height), np.diff(laid.position)
+    radius = face_radius(shape.aspect) * heights
+    # A float and the upper arc of the tabby beside it, both lying on ends, as in (2) of
+    # `spacemap_vtk.textile.weave.pattern_sections`, with axes at one height.
+    both, low = radius[1:] + radius[:-1], 0.5 * (heights[1:] + heights[:-1])
+    free = gap * gap + np.square(both - low) >= both * both
+    covers = np.append(True, free) & np.append(free, True)
+    return np.where(covers, laid.float_width, laid.width)
 
 
 def _filling_share(width: Floats, spacing: Floats) -> float:

@@ -87,6 +87,9 @@ class Threads:
         Number of singles that are twisted together; 1 for singles. It affects appearance only.
     size : {"given", "draft", "assumed"}
         Where the size of the yarns comes from; "assumed" if it is only a plausible default.
+    float_width : float or array_like, optional
+        Largest width to which the floats of lenticular yarns swell, in metres. By default they
+        close up with their neighbours; a pattern weft also covers the tabby beside it.
     """
 
     diameter: Lengths
@@ -98,10 +101,13 @@ class Threads:
     twist: Lengths | None = None
     plies: Lengths = 1.0
     size: str = "given"
+    float_width: Lengths | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "diameter", _freeze(self.diameter))
         object.__setattr__(self, "spacing", _freeze(self.spacing))
+        if self.float_width is not None:
+            object.__setattr__(self, "float_width", _freeze(self.float_width))
 
     @property
     def shape(self) -> str:
@@ -156,7 +162,7 @@ class Threads:
         # Selects some threads; their positions stay unchanged.
         yarns = self.yarns(len(which)).select(np.flatnonzero(which))
         colors = self.colors if len(self.colors) == 1 else self.colors[which]
-        twist, plies = self.twist, self.plies
+        twist, plies, wide = self.twist, self.plies, self.float_width
         return replace(
             self,
             diameter=yarns.diameter,
@@ -164,6 +170,7 @@ class Threads:
             colors=colors,
             twist=twist[which] if isinstance(twist, np.ndarray) else twist,
             plies=plies[which] if isinstance(plies, np.ndarray) else plies,
+            float_width=wide[which] if isinstance(wide, np.ndarray) else wide,
         )
 
     def strands(self, count: int) -> tuple[Lengths, Lengths, Lengths]:
