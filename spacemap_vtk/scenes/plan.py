@@ -7,7 +7,7 @@ not give is assumed, and the plan says so.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import lcm
 from typing import Any, NamedTuple
 
@@ -165,11 +165,12 @@ def _repeat_once(
         ]
         whole = lcm(count, *(len(each) for each in lists if each))
         size.append(whole if whole <= _LONGEST_REPEAT else count)
-        if (yarn := yarns[family]) is not None:
-            # The scene's sections are those of the yarns that it draws.
-            replaced = "count", "diameter", "section", "aspect"
+        yarn, key = yarns[family], parameter_name("yarn", family)
+        if yarn is not None and yarn.name != getattr(woven, key):
+            # Sections and crimp of the scene are those of the yarns that it draws.
+            replaced = "count", "diameter", "section", "aspect", "crimp"
             changes |= dict.fromkeys((parameter_name(each, family) for each in replaced), None)
-            changes[parameter_name("yarn", family)] = yarn.name
+            changes |= {"warp_crimp_height": None, key: yarn.name}
         if setts is not None:
             changes[parameter_name("spacing", family)] = None
             changes[parameter_name("sett", family)] = setts[family]
@@ -291,12 +292,10 @@ def _planned_draft(
                 f"yarn of the {FAMILIES[family]}: {1e6 * densities[-1].mean():.3g} tex, from the "
                 "thickness that is drawn"
             )
-        wanted = settings.weft_take_up if family else settings.take_up
-        take_ups.append(
-            _take_ups(cloth, family, count, assumed)
-            if wanted is None
-            else np.full(count, float(wanted))
-        )
+    found = _take_ups(unit, assumed) if None in (settings.take_up, settings.weft_take_up) else ()
+    for family, wanted in enumerate((settings.take_up, settings.weft_take_up)):
+        given = np.full(unit.size[family], wanted or 0.0)
+        take_ups.append(found[family] if wanted is None else given)
     return PlannedDraft(
         drawdown=drawdown,
         loom=unit.woven.source.find_loom(drawdown),
@@ -322,18 +321,48 @@ def _densities(cloth: Cloth, family: int, count: int, yarn: Yarn | None) -> Floa
     return np.asarray(bulk * area)[:count]
 
 
-def _take_ups(cloth: Cloth, family: int, count: int, assumed: list[str]) -> Floats:
+def _take_ups(unit: _Unit, assumed: list[str]) -> tuple[Floats, ...]:
     """Return the take-up of each yarn of the draft: its crimp, floats included."""
+    found = _crimps(unit.cloth, unit.size)
+    if isinstance(found, GeometryError):
+        assumed.append(
+            f"take-up {100 * _UNKNOWN_TAKE_UP:g} %, because the yarns do not fit: {found.message}"
+        )
+        return tuple(np.full(count, _UNKNOWN_TAKE_UP) for count in unit.size)
+    text = "take-up: crimp of the cloth as it is drawn"
+    if any(threads.aspect > 1.0 for threads in unit.cloth.threads):
+        round_ones = _crimps(_with_round_yarns(unit), unit.size)
+        if not isinstance(round_ones, GeometryError):
+            warp, weft = (f"{100 * each.mean():.1f} %" for each in round_ones)
+            text += f", with flattened yarns; round ones would take up {warp} (warp), {weft} (weft)"
+    assumed.append(f"{text}. A sample tells more")
+    return found
+
+
+def _crimps(cloth: Cloth, size: tuple[int, int]) -> tuple[Floats, ...] | GeometryError:
+    """Return the crimp of each yarn of a draft, or why its yarns do not fit."""
     try:
         cloth.check()
     except GeometryError as error:
-        text = (
-            f"take-up {100 * _UNKNOWN_TAKE_UP:g} %, because the yarns do not fit: {error.message}"
+        return error
+    return tuple(yarn_crimps(cloth, family)[:count] for family, count in enumerate(size))
+
+
+def _with_round_yarns(unit: _Unit) -> Cloth:
+    """Return the cloth with round yarns of the same section areas."""
+    warp, weft = (
+        replace(
+            threads,
+            diameter=np.sqrt(
+                section_factor(threads.aspect, threads.shape) / section_factor(1.0, "circular")
+            )
+            * threads.diameter,
+            section="circular",
+            aspect=1.0,
         )
-        if text not in assumed:
-            assumed.append(text)
-        return np.full(count, _UNKNOWN_TAKE_UP)
-    return yarn_crimps(cloth, family)[:count]
+        for threads in unit.cloth.threads
+    )
+    return replace(unit.cloth, warp=warp, weft=weft, crimp_height=None)
 
 
 def _reeds(settings: PlanSettings) -> tuple[float, ...]:
