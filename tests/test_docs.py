@@ -17,6 +17,7 @@ GUIDES = Path(__file__).parents[1] / "docs" / "how-to"
 #: Guides whose commands and scenes are all run.
 RUN = ("choose_a_material", "support_load_and_damp", "hang_cloth", "move_far")
 TEXT = "\n".join((GUIDES / f"{name}.md").read_text("utf-8") for name in RUN)
+PLANS = (GUIDES / "plan_a_project.md").read_text("utf-8")
 
 
 def test_the_licence_comes_with_the_package() -> None:
@@ -35,11 +36,11 @@ def test_pictures_and_links_of_the_readme_exist() -> None:
         assert (root / link).exists(), link
 
 
-def blocks(kind: str) -> list[str]:
-    return re.findall(rf"```{kind}\n(.*?)```", TEXT, re.S)
+def blocks(kind: str, text: str = TEXT) -> list[str]:
+    return re.findall(rf"```{kind}\n(.*?)```", text, re.S)
 
 
-COMMANDS = [line for block in blocks("sh") for line in block.splitlines()]
+COMMANDS = [line for block in blocks("sh", TEXT + PLANS) for line in block.splitlines()]
 
 
 @pytest.mark.parametrize("line", COMMANDS)
@@ -65,6 +66,16 @@ def test_scenes_of_the_documentation_are_valid(text: str, tmp_path: Path) -> Non
     mover = scene.stage("mover")
     assert mover is not None
     assert mover.executions == 1
+
+
+def test_scene_of_a_plan_has_its_yarns(tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(*blocks("toml", PLANS), encoding="utf-8")
+    woven = Scene.read(file).woven
+    assert woven is not None
+    assert woven.linear_densities is not None
+    tex = 1e6 * woven.linear_densities[[0, -1]]  # 3360 and 2400 yards in a pound
+    assert tex == pytest.approx([147.6, 206.7], abs=0.1)
 
 
 def test_every_load_and_time_function_is_documented() -> None:

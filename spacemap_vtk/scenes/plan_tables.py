@@ -407,7 +407,7 @@ def _order(title: str, thread: str, order: Sequence[tuple[Color, int]]) -> PlanT
     stripes: list[tuple[Cell, ...]] = [(format_color(color), count) for color, count in order]
     rows = stripes[:size]
     if rounds > 1:
-        rows.append((f"{rounds} times", rounds * sum(count for _, count in order[:size])))
+        rows.append((f"these {rounds} times", rounds * sum(count for _, count in order[:size])))
         rows += stripes[rounds * size :]
     if len(rows) > _MOST_STRIPES:
         hidden = len(rows) - _MOST_STRIPES
