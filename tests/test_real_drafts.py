@@ -12,6 +12,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.draft_file import read_draft
 from spacemap_vtk.ndarrays import Bools, Ints
 from spacemap_vtk.scenes import library
+from spacemap_vtk.textile.drafts.pattern_weft import find_pattern_weft
 
 FOLDER = library.folder()
 DRAFTS = [*sorted(FOLDER.glob("*.wif")), *sorted((FOLDER / "drafts").glob("*.wif"))]
@@ -72,6 +73,19 @@ def test_drawdown_and_colours_are_those_of_a_second_reader(path: Path) -> None:
         return
     for family, threads in (("WARP", draft.warp), ("WEFT", draft.weft)):
         np.testing.assert_array_equal(threads.colors, colors(wif, family))
+
+
+def test_only_three_of_the_drafts_have_a_pattern_weft() -> None:
+    found = {
+        path.stem: find_pattern_weft(draft.drawdown, draft.weft.thickness)
+        for path in [*DRAFTS, *(FOLDER / "drafts").glob("*.wpo")]
+        for draft in [read_draft(path)]
+    }
+    with_pattern = {name: picks for name, picks in found.items() if picks is not None}
+    assert with_pattern.keys() == {"overshot", "summer_and_winter", "monks_belt"}
+    for picks in with_pattern.values():
+        assert picks.pattern.tolist() == [True, False] * (len(picks.pattern) // 2)
+        assert (picks.tabby == ~picks.pattern).all()
 
 
 def test_each_draft_is_in_the_table_of_origins() -> None:
