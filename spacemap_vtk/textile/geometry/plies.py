@@ -308,7 +308,9 @@ class Strands:
             some = np.flatnonzero(self._around == count)
             rings = self._rings(some, int(count))
             there = points[rings].astype(np.float64)
-            middle, _, side = ring_frames(there)
+            # From edge to edge: the middle of a swollen section is above them.
+            middle = there.mean(axis=-2)
+            side = there[..., 3, :] - there[..., 3 + rings.shape[-1] // 2, :]
             side /= np.linalg.norm(side, axis=-1, keepdims=True)
             frames[:, some] = middle, side
             across = ((there - middle[..., None, :]) * side[..., None, :]).sum(axis=-1)
