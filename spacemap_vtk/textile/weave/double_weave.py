@@ -192,7 +192,8 @@ class Layers:
             if not (self.has_changes[number] and room.size):
                 continue
             # With less room an arc would turn by more than a right angle.
-            needed = (1.0 + LAYER_CLEARANCE) * (between + np.max(own.diameter))
+            arcs = 2.0 * crossed.face_ratio * between + np.max(own.diameter)
+            needed = (1.0 + LAYER_CLEARANCE) * arcs
             lack = needed - room
             if lack.max() > JAM * between.max():
                 worst = int(np.argmax(lack))
@@ -206,7 +207,9 @@ class Layers:
                     f"{FAMILIES[1 - number]} yarns, but has {there}",
                     key=names("diameter", number),
                     value=float(np.max(own.diameter)),
-                    allowed=f"{names('diameter', 0)} + {names('diameter', 1)} up to "
+                    allowed="less"
+                    if crossed.shape == "lenticular"
+                    else f"{names('diameter', 0)} + {names('diameter', 1)} up to "
                     f"1 / {1.0 + LAYER_CLEARANCE:g} of that",
                     cure=f"Use thinner yarns or a larger spacing, or {cure}",
                 )

@@ -153,12 +153,15 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         Its yarns may have no room: see `Cloth.check`.
     """
     ends, picks = request.ends or draft.size[0], request.picks or draft.size[1]
-    if request.thick_yarns == "flatten" and draft.loom is not None:  # a draft file, not a pattern
-        filled = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
-        draft = replace(draft, warp=filled[0], weft=filled[1])
     layers, messages = _find_layers(
         draft, (ends, picks), (request.warp.layer, request.weft.layer), names
     )
+    # The yarns of two cloths change places where lenses as wide as their spacing have no room.
+    closes = request.closes_cloth and layers is None
+    flattens = request.thick_yarns == "flatten" or (request.thick_yarns == "lens" and not closes)
+    if flattens and draft.loom is not None:
+        filled = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
+        draft = replace(draft, warp=filled[0], weft=filled[1])
     filling = _default_filling(layers)
     warp = _resolve_threads(draft.warp, request.warp, request, ends, WARP_COLOR, filling)
     weft = _resolve_threads(draft.weft, request.weft, request, picks, WEFT_COLOR, filling)
@@ -179,7 +182,7 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         names=names,
     )
     given = draft.warp.thickness is not None, draft.weft.thickness is not None
-    if request.closes_cloth and layers is None:
+    if closes:
         sized = all(given) and not any(one.has_thickness for one in (request.warp, request.weft))
         # Round yarns of the draft's thickness are kept if they fit.
         if sized and request.warp.section is request.weft.section is None and is_feasible(cloth):
@@ -191,7 +194,7 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
     thick = given[0] and not request.warp.has_thickness, given[1] and not request.weft.has_thickness
     if not any(thick):
         return cloth
-    change = flatten_yarns if request.thick_yarns == "flatten" else scale_yarns
+    change = flatten_yarns if flattens else scale_yarns
     cloth, message = change(cloth, thick)
     if message:
         warp, weft = (
