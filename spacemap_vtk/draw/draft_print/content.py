@@ -35,8 +35,10 @@ class DraftContent:
     float_limits: FloatLimits
     #: Number of the first printed end and pick.
     first: tuple[int, int] = (1, 1)
-    #: Numbers of ends and picks of the whole draft.
+    #: Numbers of ends and picks of the whole draft, if only a part is printed.
     whole: tuple[int, int] | None = None
+    #: Whether the loom was only derived from the drawdown.
+    is_loom_derived: bool = False
 
     @property
     def loom(self) -> Loom:
@@ -68,6 +70,11 @@ class DraftContent:
     def shows_loom(self) -> bool:
         """Whether threading and treadling fit beside a drawdown as grids."""
         return max(self.loom.shafts, self.columns) <= _MOST_COLUMNS
+
+    @property
+    def lists_loom(self) -> bool:
+        """Whether threading and treadling are listed by groups; as columns of a jacquard not."""
+        return self.shows_loom or not self.is_loom_derived
 
     @cached_property
     def color_table(self) -> Bytes:

@@ -52,7 +52,7 @@ def group_rows(groups: Groups, thread: str, width: float) -> list[Row]:
     """Return the rows of a sequence by groups: in short, then each group with boxes to tick."""
     lines = groups.lines()
     rows: list[Row] = []
-    if len(lines) > 1:
+    if len(lines) > 1 and groups.has_repeats:
         rows += paragraph_rows(["In short:", *groups.write_phrase()], width)
         rows.append(Row(keep=True))
     labels = [

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from spacemap_vtk.textile.drafts.repeats import Phrase, Repeat, find_repeats
 
-#: Most tokens of a line that does not repeat.
-_LINE_TOKENS = 16
+#: Most numbers on a line that does not repeat, and the least number of tokens.
+_LINE_NUMBERS, _LEAST_TOKENS = 16, 4
 #: Writes a token; the one before it in the same brackets is None at their beginning.
 WriteToken = Callable[[Any, Any], str]
 
@@ -35,14 +36,21 @@ class Groups:
     #: Number of the first thread.
     first: int = 1
 
-    @property
+    @cached_property
     def phrase(self) -> Phrase:
         """The smallest description."""
         return find_repeats(self.sequence)
 
     def lines(self) -> list[GroupLine]:
         """Return the lines, each thread on one of them; nested repeats are written out."""
-        return list(_unroll(self.phrase, 0))
+        numbers = max(len(self.write_token(token, None).split("+")) for token in self.sequence)
+        most = max(_LINE_NUMBERS // numbers, _LEAST_TOKENS)
+        return list(_unroll(self.phrase, 0, most))
+
+    @property
+    def has_repeats(self) -> bool:
+        """Whether the smallest description is shorter than the sequence."""
+        return any(isinstance(item, Repeat) for item in self.phrase)
 
     def write_phrase(self) -> list[str]:
         """Return the words of the smallest description, such as ``3 × (1 2) 4``."""
@@ -59,12 +67,13 @@ class Groups:
         return _phrase_words(phrase, self.write_token)
 
 
-def _unroll(phrase: Phrase, begin: int) -> Iterator[GroupLine]:
+def _unroll(phrase: Phrase, begin: int, most: int) -> Iterator[GroupLine]:
+    """Yield the lines of a phrase; loose tokens on lines of at most so many."""
     loose: list[Any] = []
 
     def flush() -> Iterator[GroupLine]:
-        for start in range(0, len(loose), _LINE_TOKENS):
-            part = tuple(loose[start : start + _LINE_TOKENS])
+        for start in range(0, len(loose), most):
+            part = tuple(loose[start : start + most])
             first = begin - len(loose) + start
             yield GroupLine(first, first + len(part), 1, part)
         loose.clear()
@@ -78,7 +87,7 @@ def _unroll(phrase: Phrase, begin: int) -> Iterator[GroupLine]:
         if any(isinstance(inner, Repeat) for inner in item.phrase):
             size = len(item) // item.count
             for copy in range(item.count):
-                yield from _unroll(item.phrase, begin + copy * size)
+                yield from _unroll(item.phrase, begin + copy * size, most)
         else:
             yield GroupLine(begin, begin + len(item), item.count, item.phrase)
         begin += len(item)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,6 +27,11 @@ INK = "#1d232b"
 FAINT = "#66707c"
 #: Resolution of pages that are pictures, in dots per inch.
 _DPI = 150.0
+#: Fonts with letters of more languages, on several systems.
+_MORE_FONTS = (
+    *("Noto Sans CJK JP", "Noto Sans JP", "IPAexGothic", "Hiragino Sans", "Yu Gothic"),
+    *("Microsoft YaHei", "PingFang SC", "Malgun Gothic", "Apple SD Gothic Neo"),
+)
 #: Decimals of coordinates in points.
 _DECIMALS = 2
 #: Half the height of a digit over its size.
@@ -65,14 +72,32 @@ def _unit_width(word: str, bold: bool) -> float:
     from matplotlib.textpath import text_to_path
 
     font = _font(100.0, bold)
-    return 0.01 * float(text_to_path.get_text_width_height_descent(word, font, False)[0])
+    with _missing_letters_allowed():
+        return 0.01 * float(text_to_path.get_text_width_height_descent(word, font, False)[0])
 
 
 @lru_cache(maxsize=256)
 def _font(size: float, bold: bool) -> FontProperties:
     from matplotlib.font_manager import FontProperties
 
-    return FontProperties(size=size, weight="bold" if bold else "normal")
+    return FontProperties(family=_families(), size=size, weight="bold" if bold else "normal")
+
+
+@lru_cache(maxsize=1)
+def _families() -> list[str]:
+    """Return matplotlib's own font, then installed ones for letters that it lacks."""
+    from matplotlib.font_manager import get_font_names
+
+    installed = get_font_names()
+    return ["DejaVu Sans", *(name for name in _MORE_FONTS if name in installed)]
+
+
+@contextmanager
+def _missing_letters_allowed() -> Iterator[None]:
+    """Suppress the warning about letters that no font has; they are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing")
+        yield
 
 
 class Label(NamedTuple):
@@ -214,11 +239,12 @@ def _label_artist(labels: Sequence[Label], height: float) -> Artist:
             dots, canvas_height = renderer.points_to_pixels(72.0) / 25.4, height
             renderer.open_group("labels", self.get_gid())
             context = renderer.new_gc()
-            for label in labels:
-                context.set_foreground(to_rgba(label.color), isRGBA=True)
-                y = label.y if renderer.flipy() else canvas_height - label.y
-                font, angle = _font(label.size, label.bold), 90.0 if label.upright else 0.0
-                renderer.draw_text(context, label.x * dots, y * dots, label.text, font, angle)
+            with _missing_letters_allowed():
+                for label in labels:
+                    context.set_foreground(to_rgba(label.color), isRGBA=True)
+                    y = label.y if renderer.flipy() else canvas_height - label.y
+                    font, angle = _font(label.size, label.bold), 90.0 if label.upright else 0.0
+                    renderer.draw_text(context, label.x * dots, y * dots, label.text, font, angle)
             context.restore()
             renderer.close_group("labels")
 

@@ -5,18 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from spacemap_vtk.draw.draft_print.chart import GROUP, ChartStyle, draw_chart
 from spacemap_vtk.draw.draft_print.content import (
-    THREADS,
     DraftContent,
-    color_letter,
-    write_row,
 )
 from spacemap_vtk.draw.draft_print.cover import (
     describe_limit,
-    draft_notes,
     draft_texts,
     draw_cover,
     draw_overview,
@@ -30,9 +24,6 @@ from spacemap_vtk.draw.draft_print.group_flow import (
     column_width,
     draw_columns,
     draw_rule,
-    group_rows,
-    heading_rows,
-    paragraph_rows,
 )
 from spacemap_vtk.draw.draft_print.layout import (
     HEADING,
@@ -43,6 +34,7 @@ from spacemap_vtk.draw.draft_print.layout import (
     place_whole_draft,
     plan_charts,
 )
+from spacemap_vtk.draw.draft_print.listing import list_draft, list_notes
 from spacemap_vtk.draw.draft_print.paper import (
     BODY,
     FAINT,
@@ -53,6 +45,7 @@ from spacemap_vtk.draw.draft_print.paper import (
 from spacemap_vtk.draw.draft_print.settings import FACES, ORIENTATIONS, STARTS, PrintSettings
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.drafts.loom import Loom
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +64,8 @@ class DraftSheet:
         self.title = draft.title or title or "Draft"
         part, first = settings.select(draft)
         whole = None if part.size == draft.size else draft.size
-        self.content = DraftContent(part, settings.limits(part), first, whole)
+        derived = draft.loom == Loom.from_drawdown(draft.drawdown)
+        self.content = DraftContent(part, settings.limits(part), first, whole, derived)
         self._style = ChartStyle(settings.mono, settings.start == STARTS[1])
         self._remarks = [*remarks, *self._own_remarks()]
         self._across, grids = plan_charts(
@@ -93,7 +87,7 @@ class DraftSheet:
         self.grids: list[ChartGrid] = [] if charts else grids
         body = self._cover.body
         further = Box(body.left, body.top + HEADING, body.width, body.height - HEADING - 2.0)
-        flow = Flow(self._group_rows(column_width(body.width, 2)), left, further)
+        flow = Flow(self._listing(), left, further)
         self._flow, self._columns = flow, flow.pages()
         self.count = len(self._columns) + sum(grid.count for grid in self.grids)
         self._refuse(self.count)
@@ -134,14 +128,22 @@ class DraftSheet:
         self._write_page_number(self._cover, 1)
         return self._cover.figure
 
+    def _listing(self) -> list[Row]:
+        body = self._cover.body
+        rows = list_draft(self.content, column_width(body.width, 2))
+        if has_more_notes(self.content, body.width):
+            rows += list_notes(self.content, column_width(body.width, 2))
+        return rows
+
     def _own_remarks(self) -> list[str]:
         content = self.content
         remarks = [describe_limit(self.settings.float_limit).capitalize() + "."]
         if not content.shows_loom:
             treadles = f" and {content.loom.treadles} treadles" if content.has_treadles else ""
+            where = "they are listed by groups" if content.lists_loom else "they are left out"
             remarks.append(
                 f"With {content.loom.shafts} shafts{treadles} threading and treadling do not fit "
-                "beside the drawdown; they are listed by groups."
+                f"beside the drawdown; {where}."
             )
         return remarks
 
@@ -162,55 +164,6 @@ class DraftSheet:
             self._cover, content, self.title, subtitle, self._remarks, self._draw_legend
         )
 
-    def _group_rows(self, width: float) -> list[Row]:
-        content = self.content
-        rows: list[Row] = []
-        names = ("Threading", "Treadling" if content.has_treadles else "Liftplan")
-        for family, (name, groups) in enumerate(
-            zip(names, (content.threading_groups, content.treadling_groups), strict=True)
-        ):
-            rows += heading_rows(f"{name}, {THREADS[family]}s {self._range(family)}")
-            rows += group_rows(groups, THREADS[family], width)
-            if family == 0:
-                rows += heading_rows("Heddles on each shaft")
-                rows += paragraph_rows(self._heddles(), width)
-            elif content.has_treadles:
-                rows += heading_rows("Tie-up")
-                ties = [
-                    f"{treadle}: {write_row(tied)};"
-                    for treadle, tied in enumerate(content.loom.tieup, 1)
-                ]
-                rows += paragraph_rows(ties, width)
-        for family, name in enumerate(("warp", "weft")):
-            numbers = content.color_numbers[family].tolist()
-            if len(set(numbers)) > 1:
-                rows += heading_rows(f"Colours of the {name}")
-                groups = content.value_groups(family, numbers, color_letter)
-                rows += group_rows(groups, THREADS[family], width)
-            threads = content.threads[family]
-            for what, values in (("Spacing", threads.spacing), ("Thickness", threads.thickness)):
-                if values is not None and np.ndim(values) and np.ptp(values) > 0:
-                    rounded = np.round(1e3 * np.asarray(values), 3).tolist()
-                    rows += heading_rows(f"{what} of the {name}, in mm")
-                    groups = content.value_groups(family, rounded, "{:g}".format)
-                    rows += group_rows(groups, THREADS[family], width)
-        if has_more_notes(content, self._cover.body.width):
-            rows += heading_rows("Notes")
-            for note in draft_notes(content):
-                rows += paragraph_rows(note.split(" "), width)
-        return rows
-
-    def _heddles(self) -> list[str]:
-        counts = np.zeros(self.content.loom.shafts + 1, int)
-        for row in self.content.loom.threading:
-            counts[list(row)] += 1
-        words = [f"{shaft}: {count};" for shaft, count in enumerate(counts[1:].tolist(), 1)]
-        return [*words, f"together {counts.sum()}"]
-
-    def _range(self, family: int) -> str:
-        first = self.content.first[family]
-        return f"{first}–{first + self.content.size[family] - 1}"
-
     def _write_page_number(self, page: Page, number: int) -> None:
         body = page.body
         text = f"page {number} of {self.count}"
@@ -227,7 +180,9 @@ class DraftSheet:
         """Explain the signs at the foot of a page."""
         body = page.body
         parts = [f"lines are heavier every {GROUP} and {2 * GROUP} threads"]
-        parts.append("shaft 1 and treadle 1 are next to the drawdown")
+        if self.content.shows_loom:
+            treadle = " and treadle 1 are" if self.content.has_treadles else " is"
+            parts.append(f"shaft 1{treadle} next to the drawdown")
         parts.append(f"●–● {describe_limit(self.settings.float_limit)}")
         page.write(body.left, body.bottom - 0.8, ";  ".join(parts), NUMBER + 0.5, FAINT)
 
