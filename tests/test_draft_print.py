@@ -312,7 +312,7 @@ def test_floats_are_limited_by_a_number_or_a_length() -> None:
 def test_settings_that_make_no_sense_are_refused(key: str, value: str) -> None:
     with pytest.raises(InputError) as caught:
         PrintSettings(**{key: value})  # type: ignore[arg-type]
-    assert (caught.value.key, caught.value.value) == (f"--{key}", value)
+    assert (caught.value.key, caught.value.value) == (key, value)
     assert caught.value.allowed
 
 
@@ -323,7 +323,7 @@ def test_ranges_outside_of_the_draft_are_refused(text: str) -> None:
         return
     with pytest.raises(InputError, match="range of threads") as caught:
         PrintSettings(ends=text).select(block_draft(20, 20))
-    assert (caught.value.key, caught.value.allowed) == ("--ends", "1-20 or a part of it")
+    assert (caught.value.key, caught.value.allowed) == ("ends", "1-20 or a part of it")
 
 
 def test_the_paper_is_that_of_the_country(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -296,6 +296,7 @@ class MainWindow(QMainWindow):
         self.plan.export_requested.connect(self.exports.plan)
         self.draft.dragging.connect(self.director.set_dragging)
         self.draft.save_button.clicked.connect(self.files.save_draft)
+        self.draft.print_button.clicked.connect(self.exports.draft)
         self.draft.open_requested.connect(self.files.switch_to)
         self.document.changed.connect(self._set_title)
         self.document.replaced.connect(self._set_title)

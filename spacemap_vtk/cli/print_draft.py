@@ -12,6 +12,7 @@ from spacemap_vtk.cli.options import (
     SceneName,
     Set,
     flag,
+    name_options,
     open_scene,
     output_option,
     run_job,
@@ -98,17 +99,18 @@ def print_draft(
 
     A draft as a figure on a page of a publication is drawn by "spacemap figure".
     """
-    settings = PrintSettings(
-        paper=paper or local_paper(),
-        orientation=orientation,
-        faces=faces,
-        floats=floats,
-        cell=cell,
-        ends=ends,
-        picks=picks,
-        pages=pages,
-        start=start,
-        mono=mono,
-    )
-    job = PrintJob(output, settings)
+    with name_options():
+        settings = PrintSettings(
+            paper=paper or local_paper(),
+            orientation=orientation,
+            faces=faces,
+            floats=floats,
+            cell=cell,
+            ends=ends,
+            picks=picks,
+            pages=pages,
+            start=start,
+            mono=mono,
+        )
+        job = PrintJob(output, settings)
     run_job(job, open_scene(scene, set_), "Printing", quiet)

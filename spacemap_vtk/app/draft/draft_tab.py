@@ -138,6 +138,7 @@ class DraftTab(QWidget):
         self.open_button.clicked.connect(self.open)
         self.save_button = tool_button("Save…", "Save the draft as a WIF file for weaving programs")
         draft = self.grid
+        self.print_button = tool_button("Print…", "Print the draft for the loom, as a PDF")
         self.zoom_out_button = tool_button("−", "Zoom out (Ctrl+wheel)")
         self.zoom_out_button.clicked.connect(lambda: draft.zoom(False))
         self.zoom_in_button = tool_button("+", "Zoom in (Ctrl+wheel)")
@@ -180,7 +181,8 @@ class DraftTab(QWidget):
         grid.addWidget(self.colors_button, 3, 0, 1, 2)
         grid.addWidget(self.cloth_button, 3, 2, 1, 2)
         sizes = (self.zoom_out_button, self.zoom_in_button, self.fit_button)
-        return row(None, self.open_button, self.save_button, None, *sizes, spacing=2)
+        files = self.open_button, self.save_button, self.print_button
+        return row(None, *files, None, *sizes, spacing=2)
 
     def _show_draft(self, shown: EditableDraft | None, reason: str = "") -> None:
         if shown is None:
@@ -189,7 +191,8 @@ class DraftTab(QWidget):
             widget.setVisible(shown is not None)
         self.placeholder.setText(reason)
         self.placeholder.setVisible(shown is None)
-        self.save_button.setEnabled(shown is not None)
+        for button in (self.save_button, self.print_button):
+            button.setEnabled(shown is not None)
         self.grid.show_draft(shown)
         if shown is not None:
             self.palette_row.show_colors(shown)

@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.documents.file_dialogs import add_ending, confirm, last_folder
+from spacemap_vtk.app.draft.print_dialog import PrintDialog
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.widgets import row
@@ -136,6 +137,33 @@ class Exports(QObject):
         if path is not None:
             QSettings().setValue(_FOLDER_KEY, str(path.parent))
             self.start("plan", path, settings=settings)
+
+    def draft(self) -> None:
+        """Ask how the draft is printed, and write it as a PDF."""
+        if not self._require_idle():
+            return
+        woven = self._document.scene.woven
+        try:
+            draft = None if woven is None else woven.make_draft()
+        except SpacemapError as error:
+            self.failed.emit(error)
+            return
+        if draft is None:
+            self.failed.emit(InputError("This scene is not woven, so it has no draft"))
+            return
+        dialog = PrintDialog(self._window, draft)
+        if not dialog.exec():
+            return
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            "Print draft",
+            str(self._propose_path(".pdf")),
+            name_filter("Documents", writer_endings("pages")),
+        )
+        path = add_ending(self._window, Path(name), ".pdf") if name else None
+        if path is not None:
+            QSettings().setValue(_FOLDER_KEY, str(path.parent))
+            self.start("print", path, **dialog.fields)
 
     def start(
         self,

@@ -62,9 +62,7 @@ class PrintSettings:
             ("start", STARTS),
         ):
             if (value := getattr(self, key)) not in known:
-                raise InputError(
-                    "unknown value", key=f"--{key}", value=value, allowed=", ".join(known)
-                )
+                raise InputError("unknown value", key=key, value=value, allowed=", ".join(known))
         _ = self.least_cell, self.float_limit
 
     @property
@@ -72,7 +70,7 @@ class PrintSettings:
         """Least side of a cell in mm."""
         refused = InputError(
             "cells must be legible and fit on the paper",
-            key="--cell",
+            key="cell",
             value=self.cell,
             allowed=f"{LEAST_CELL:g}mm to {_MOST_CELL:g}mm",
         )
@@ -89,7 +87,7 @@ class PrintSettings:
         """The longest float that is not marked: a number of threads, or a length in m."""
         refused = InputError(
             "must be the longest float that is not marked",
-            key="--floats",
+            key="floats",
             value=self.floats,
             allowed=_FLOATS_ALLOWED,
         )
@@ -107,7 +105,7 @@ class PrintSettings:
     def select(self, draft: Draft) -> tuple[Draft, tuple[int, int]]:
         """Return the printed part of a draft, and the numbers of its first end and pick."""
         ends, picks = (
-            _parse_range(f"--{name}", text, count, "threads")
+            _parse_range(name, text, count, "threads")
             for name, text, count in zip(
                 ("ends", "picks"), (self.ends, self.picks), draft.size, strict=True
             )
@@ -116,7 +114,7 @@ class PrintSettings:
 
     def select_pages(self, count: int) -> range:
         """Return the numbers of the pages that are written, of so many."""
-        pages = _parse_range("--pages", self.pages, count, "pages")
+        pages = _parse_range("pages", self.pages, count, "pages")
         return range(pages.start + 1, pages.stop + 1)
 
     def limits(self, draft: Draft) -> FloatLimits:
@@ -131,10 +129,10 @@ class PrintSettings:
         if found is None:
             raise InputError(
                 "the draft has no sett, so the lengths of its floats are unknown",
-                key="--floats",
+                key="floats",
                 value=self.floats,
                 allowed="a number of threads",
-                cure="Or give the sett: --set weave.warp_sett=24epi --set weave.weft_sett=24ppi.",
+                cure="Or give the sett, for example weave.warp_sett=24epi, weave.weft_sett=24ppi.",
             )
         return found
 
@@ -147,7 +145,7 @@ def local_paper() -> str:
     return "letter" if country and country[1] in _LETTER_COUNTRIES else "a4"
 
 
-def _parse_range(option: str, text: str, count: int, what: str) -> slice:
+def _parse_range(key: str, text: str, count: int, what: str) -> slice:
     """Parse a range such as 1-200, counted from 1, both included; all if it is empty."""
     if not text:
         return slice(0, count)
@@ -158,5 +156,5 @@ def _parse_range(option: str, text: str, count: int, what: str) -> slice:
         if 1 <= begin <= end <= count:
             return slice(begin - 1, end)
     raise InputError(
-        f"must be a range of {what}", key=option, value=text, allowed=f"1-{count} or a part of it"
+        f"must be a range of {what}", key=key, value=text, allowed=f"1-{count} or a part of it"
     )
