@@ -98,7 +98,7 @@ def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
 
 
 def test_python_threads_run_while_opengl_draws(open_window: Any) -> None:
-    window = open_window()
+    window = open_window("tube_bundle")  # an object: its shadows are drawn apart
     canvas, wait, done, ticks = window.view.canvas, window.view.canvas._gl_finish, [], []
     interactor, drawing, ended = canvas.interactor, [], threading.Event()
 
@@ -297,8 +297,8 @@ def test_screen_follows_rotating_and_zooming(open_scene: Any) -> None:
     wait_until(lambda: np.abs(screenshot(window) - pictures[-1]).max() > 30, 10.0)
 
 
-def test_view_at_rest_has_the_shadows_and_colours_of_exported_pictures(open_scene: Any) -> None:
-    window = open_scene()
+def test_objects_at_rest_have_the_shadows_of_exported_pictures(open_scene: Any) -> None:
+    window = open_scene("tube_bundle")
     view = window.view
     view.steer(True)
     assert not view.canvas.shade.is_on
@@ -315,10 +315,28 @@ def test_view_at_rest_has_the_shadows_and_colours_of_exported_pictures(open_scen
     assert not view.canvas.shade.is_on
 
 
-def test_labels_cast_no_shadows(open_scene: Any) -> None:
-    window = open_scene("twill_2_2")
+def test_woven_yarns_have_their_shadows_also_in_motion(open_scene: Any) -> None:
+    window = open_scene()
     view = window.view
-    view.zoom(4.0)  # the cloth fills the view
+    assert view.scene_view.has_exposure
+    rest = view.canvas.image().astype(int)
+    view.steer(True)
+    moving = view.canvas.image().astype(int)
+    view.steer(False)
+    assert not view.canvas.shade.is_on
+    # Facets are coarser in motion, but light and shade are the same.
+    assert abs(moving.mean() - rest.mean()) < 1.0
+    window.document.set("view", "shadows", False)
+    wait_until(lambda: settled(window))
+    bare = view.canvas.image().astype(int)
+    assert (bare - rest).max() > 40
+    assert bare.mean() - rest.mean() > 1.0
+
+
+def test_labels_cast_no_shadows(open_scene: Any) -> None:
+    window = open_scene("tube_bundle")
+    view = window.view
+    view.zoom(14.0)  # the tubes fill the view
     window.tools.part_actions["scale_bar"].trigger()  # it would cover the other label
     pictures = []
     for _ in range(2):

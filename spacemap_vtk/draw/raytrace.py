@@ -44,6 +44,8 @@ _IGNORED = [
     "triad",
     "time_stamp",
     "transparent",
+    "irregularity",
+    "irregularity_seed",
 ]
 #: Number of passes of ray tracing; progress is reported after each.
 _PASSES = 8
