@@ -20,7 +20,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.jobs import PlanJob
 from spacemap_vtk.scenes.plan import plan_scene
 from spacemap_vtk.scenes.plan_settings import PlanSettings
-from spacemap_vtk.scenes.plan_tables import plan_as_csv, plan_as_json, plan_tables
+from spacemap_vtk.scenes.plan_tables import plan_as_csv, plan_as_json, plan_tables, purchases
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.drafts.drawdown import from_matrix, mean_floats
 from spacemap_vtk.textile.drafts.loom import Loom
@@ -60,6 +60,7 @@ def make_draft(
         loom=Loom.from_drawdown(drawdown),
         colors=colors or (np.zeros((ends, 3), np.uint8), np.zeros((picks, 3), np.uint8)),
         densities=(np.full(ends, density), np.full(picks, density)),
+        kinds=(np.zeros(ends, int), np.zeros(picks, int)),
         take_ups=(np.full(ends, take_up), np.full(picks, take_up)),
     )
 
@@ -222,6 +223,7 @@ def random_draft(random: np.random.Generator) -> PlannedDraft:
         loom=Loom.from_drawdown(drawdown),
         colors=(palette[random.integers(0, 2, ends)], palette[random.integers(0, 2, picks)]),
         densities=(1e-4 * random.integers(1, 3, ends), 1e-4 * random.integers(1, 3, picks)),
+        kinds=(random.integers(0, 2, ends), random.integers(0, 2, picks)),
         take_ups=(0.1 * random.random(ends), 0.1 * random.random(picks)),
     )
 
@@ -417,6 +419,37 @@ def test_named_yarns_set_count_density_and_packing_of_a_scene() -> None:
     wrong = Scene({"weave": {**base, "warp_yarn": "20/2 cotton", "warp_count": "20 tex"}})
     with pytest.raises(InputError, match="cannot be given together"):
         wrong.check()
+
+
+def test_a_pattern_weft_and_tabby_are_planned_by_themselves() -> None:
+    """Every other pick is of each yarn, also if their counts are equal."""
+    scene = Scene({"weave": {"pattern": ["1100", "1010", "0011", "0101"], "weft_color": "#203040"}})
+    for tabby in ("20/2 cotton", "8/2 tencel"):
+        chosen = PlanSettings(
+            width=0.5, length=1.0, warp_yarn="8/2 cotton", weft_yarn=("8/2 cotton", tabby)
+        )
+        plan = plan_scene(scene, chosen)
+        weft = {each.yarn: each for each in purchases(plan) if each.threads[1]}
+        assert {each.threads[1] for each in weft.values()} == {plan.project.picks / 2}
+        for name in ("8/2 cotton", tabby):
+            of_weft = weft[name].lengths[1] * parse_yarn(name).linear_density
+            of_warp = weft[name].lengths[0] * parse_yarn(name).linear_density
+            assert weft[name].mass == pytest.approx(of_weft + of_warp)
+        assert plan.project.floating == 2  # two shuttles
+        rows = dict(row for table in plan_tables(plan) for row in table.rows if len(row) == 2)
+        assert rows["shuttles"] == 2
+
+
+def test_several_yarns_of_a_family_weigh_what_their_names_say() -> None:
+    names = ["8/2 cotton", "2/20 worsted"]
+    base = {"ends": 6, "picks": 6, "warp_sett": "7 /cm", "weft_sett": "7 /cm"}
+    woven = Scene({"weave": {**base, "warp_yarn": names, "weft_yarn": "8/2 cotton"}}).woven
+    assert woven is not None
+    masses = woven.linear_densities
+    assert masses is not None
+    expected = [parse_yarn(name).linear_density for name in names]
+    assert masses[:6].sum() == pytest.approx(3 * sum(expected), rel=1e-6)
+    assert masses[6:] == pytest.approx(expected[0])
 
 
 LIFTPLAN = """[WIF]

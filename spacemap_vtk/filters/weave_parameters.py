@@ -114,6 +114,10 @@ class YarnName(Text):
         """Return the name in canonical spelling."""
         return parse_yarn(super().convert(value)).name
 
+    def text(self, value: str) -> str:
+        """Return the name without quotes, as in lists with commas."""
+        return value
+
 
 class Twist(Real):
     """The twist of a yarn, in turns per metre."""
@@ -205,10 +209,13 @@ class WeaveParameters(Parameterised):
         )
     )
     warp_yarn, weft_yarn = declare_both(
-        YarnName(
-            None,
-            'Yarn of the {name} by its name, as "20/2 cotton", instead of its count: it also sets '
-            'the density of the fibres, their packing and the plies (see "spacemap yarns").',
+        PerYarn(
+            YarnName(
+                "20/2 cotton",
+                'Yarn of the {name} by its name, as "20/2 cotton", instead of its count: it also '
+                'sets the density of the fibres, their packing and the plies (see "spacemap '
+                'yarns").',
+            ),
             automatic="no yarn is named",
             group="Yarn",
         )

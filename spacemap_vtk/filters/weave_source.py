@@ -29,7 +29,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.feasible import feasible_intervals
 from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.textile.weave.resolve import ClothRequest, ThreadsRequest, resolve
-from spacemap_vtk.textile.weave.yarn_library import parse_yarn
+from spacemap_vtk.textile.weave.yarn_library import parse_yarns
 
 #: Ends and picks of a pattern if no number is given.
 SIZE = 7
@@ -133,8 +133,10 @@ class WeaveSource(WeaveParameters, Woven, Stage):
     @property
     def fibre_share(self) -> float:
         """Share of fibre in a yarn's section; the mean of warp and weft."""
-        names = self.warp_yarn, self.weft_yarn
-        shares = [parse_yarn(n).material.packing if n else self.packing for n in names]
+        shares = []
+        for names in (self.warp_yarn, self.weft_yarn):
+            packings = [yarn.material.packing for yarn in parse_yarns(names)] or [self.packing]
+            shares.append(sum(packings) / len(packings))
         return 0.5 * sum(shares)
 
     def make_draft(self) -> Draft:

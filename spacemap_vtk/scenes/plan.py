@@ -33,9 +33,11 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.families import FAMILIES
 from spacemap_vtk.textile.weave.figures import yarn_crimps
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
-from spacemap_vtk.textile.weave.yarn_library import Yarn, parse_yarn
+from spacemap_vtk.textile.weave.yarn_library import Yarn, parse_yarns
 from spacemap_vtk.units import UNITS
 
+#: Named yarns of the warp, and of the weft.
+FamilyYarns = tuple[tuple[Yarn, ...], tuple[Yarn, ...]]
 #: Longest repeat of a draft and its lists of colours together.
 _LONGEST_REPEAT = 4096
 #: Take-up of yarns that do not fit as they are drawn.
@@ -77,8 +79,9 @@ class ScenePlan:
     title: str
     settings: PlanSettings
     project: Project
-    #: Named yarns of warp and weft; None where only a thickness or a count is known.
-    yarns: tuple[Yarn | None, Yarn | None]
+    #: Named yarns of warp and weft, repeated over the threads; empty where only a thickness or a
+    #: count is known.
+    yarns: FamilyYarns
     #: Largest setts of warp and weft by Ashenhurst's rule, in 1/m; None without named yarns.
     largest_setts: tuple[float, float] | None
     #: Wanted sett of the warp, in 1/m, from which that of the sleying differs.
@@ -105,7 +108,7 @@ def plan_scene(scene: Scene, settings: PlanSettings) -> ScenePlan:
         unit = _repeat_once(woven, yarns, (warp_sett, weft_sett))
         draft = _planned_draft(unit, settings, yarns, assumed)
     sleyings = choose_sleying(warp_sett, _reeds(settings))
-    losses = [_losses(yarn) for yarn in yarns]
+    losses = [_losses(named) for named in yarns]
     assumed += _assumed_losses(settings, losses)
     picks, ends = draft.drawdown.shape
     request = ProjectRequest(
@@ -149,7 +152,7 @@ class _Unit(NamedTuple):
 
 def _repeat_once(
     woven: Woven,
-    yarns: tuple[Yarn | None, Yarn | None],
+    yarns: FamilyYarns,
     setts: tuple[float, float] | None = None,
 ) -> _Unit:
     """Make the draft once, with the yarns and setts of the plan."""
@@ -163,14 +166,14 @@ def _repeat_once(
             for name, parameter in woven.parameters.items()
             if name.startswith(f"{FAMILIES[family]}_") and isinstance(parameter, Series)
         ]
-        whole = lcm(count, *(len(each) for each in lists if each))
+        named, key = yarns[family], parameter_name("yarn", family)
+        whole = lcm(count, *(len(each) for each in (*lists, named) if each))
         size.append(whole if whole <= _LONGEST_REPEAT else count)
-        yarn, key = yarns[family], parameter_name("yarn", family)
-        if yarn is not None and yarn.name != getattr(woven, key):
+        if named and named != parse_yarns(getattr(woven, key)):
             # Sections and crimp of the scene are those of the yarns that it draws.
             replaced = "count", "diameter", "section", "aspect", "crimp"
             changes |= dict.fromkeys((parameter_name(each, family) for each in replaced), None)
-            changes |= {"warp_crimp_height": None, key: yarn.name}
+            changes |= {"warp_crimp_height": None, key: [yarn.name for yarn in named]}
         if setts is not None:
             changes[parameter_name("spacing", family)] = None
             changes[parameter_name("sett", family)] = setts[family]
@@ -179,25 +182,24 @@ def _repeat_once(
     return _Unit(made, made.cloth, (size[0], size[1]))
 
 
-def _named_yarns(woven: Woven, settings: PlanSettings) -> tuple[Yarn | None, Yarn | None]:
+def _named_yarns(woven: Woven, settings: PlanSettings) -> FamilyYarns:
     """Return the named yarns: those of the plan, or those of the scene."""
-    own = [getattr(woven, parameter_name("yarn", family), None) for family in (0, 1)]
-    warp, weft = settings.warp_yarn or own[0], settings.weft_yarn or own[1]
-    if settings.warp_yarn and weft is None:
-        weft = warp
-    return (
-        None if warp is None else parse_yarn(warp),
-        None if weft is None else parse_yarn(weft),
-    )
+    own = [parse_yarns(getattr(woven, parameter_name("yarn", family), None)) for family in (0, 1)]
+    warp = parse_yarns(settings.warp_yarn) or own[0]
+    weft = parse_yarns(settings.weft_yarn) or own[1]
+    return warp, weft or (warp[:1] if settings.warp_yarn else ())
 
 
 def _largest_setts(
-    cloth: Cloth, size: tuple[int, int], yarns: tuple[Yarn | None, Yarn | None]
+    cloth: Cloth, size: tuple[int, int], yarns: FamilyYarns
 ) -> tuple[float, float] | None:
     """Return the largest setts by Ashenhurst's rule; of two cloths, the sum of both."""
-    warp, weft = yarns
-    if warp is None or weft is None:
+    if not all(yarns):
         return None
+    # Of several yarns, as many as their mean diameter lets lie side by side.
+    warp, weft = (
+        len(named) / sum(1.0 / yarn.diameters_per_metre for yarn in named) for named in yarns
+    )
     drawdowns = [cloth.drawdown[: size[1], : size[0]]]
     layers = cloth.layers
     if layers is not None and layers.ends is not None and layers.picks is not None:
@@ -206,9 +208,8 @@ def _largest_setts(
     found = [0.0, 0.0]
     for drawdown in drawdowns:
         of_warp, of_weft = mean_floats(drawdown)
-        own = warp.diameters_per_metre, weft.diameters_per_metre
-        found[0] += largest_sett(own[0], own[1], of_weft)
-        found[1] += largest_sett(own[1], own[0], of_warp)
+        found[0] += largest_sett(warp, weft, of_weft)
+        found[1] += largest_sett(weft, warp, of_warp)
     return found[0], found[1]
 
 
@@ -216,7 +217,7 @@ def _choose_setts(
     woven: Woven,
     settings: PlanSettings,
     cloth: Cloth,
-    yarns: tuple[Yarn | None, Yarn | None],
+    yarns: FamilyYarns,
     largest: tuple[float, float] | None,
     assumed: list[str],
 ) -> tuple[float, float]:
@@ -253,12 +254,12 @@ def _choose_setts(
 
 
 def _suggest_sett(
-    yarn: Yarn | None, largest: float, firmness: float | None, double: bool
+    named: Sequence[Yarn], largest: float, firmness: float | None, double: bool
 ) -> tuple[float, str]:
-    """Return the sett of a yarn for a weave with its largest sett, and where it comes from."""
-    assert yarn is not None
-    published = yarn.published
-    if firmness is not None or double or published is None or published.plain_sett is None:
+    """Return the sett of yarns for a weave with its largest sett, and where it comes from."""
+    yarn = named[0]
+    published = yarn.published if len(named) == 1 and not double else None
+    if firmness is not None or published is None or published.plain_sett is None:
         share = USUAL_SHARE if firmness is None else firmness
         return share * largest, f"{share:.0%} of the closest one by Ashenhurst's rule"
     # A weave with floats can be closer than plain weave.
@@ -278,16 +279,17 @@ def _round_sett(sett: float, units: str) -> float:
 def _planned_draft(
     unit: _Unit,
     settings: PlanSettings,
-    yarns: tuple[Yarn | None, Yarn | None],
+    yarns: FamilyYarns,
     assumed: list[str],
 ) -> PlannedDraft:
     """Return the draft with its colours, masses per length and take-ups."""
     cloth, (ends, picks) = unit.cloth, unit.size
     drawdown = cloth.drawdown[:picks, :ends]
-    densities, take_ups = [], []
+    densities, kinds, take_ups = [], [], []
     for family, count in enumerate(unit.size):
         densities.append(_densities(cloth, family, count, yarns[family]))
-        if yarns[family] is None and not _has_count(unit.woven, family):
+        kinds.append(np.arange(count) % max(len(yarns[family]), 1))
+        if not yarns[family] and not _has_count(unit.woven, family):
             assumed.append(
                 f"yarn of the {FAMILIES[family]}: {1e6 * densities[-1].mean():.3g} tex, from the "
                 "thickness that is drawn"
@@ -304,6 +306,7 @@ def _planned_draft(
             np.resize(cloth.weft.colors, (picks, 3)),
         ),
         densities=(densities[0], densities[1]),
+        kinds=(kinds[0], kinds[1]),
         take_ups=(take_ups[0], take_ups[1]),
     )
 
@@ -312,10 +315,10 @@ def _has_count(woven: Woven, family: int) -> bool:
     return getattr(woven, parameter_name("count", family), None) is not None
 
 
-def _densities(cloth: Cloth, family: int, count: int, yarn: Yarn | None) -> Floats:
+def _densities(cloth: Cloth, family: int, count: int, named: Sequence[Yarn]) -> Floats:
     """Return the mass per length of each yarn of the draft, in kg/m."""
-    if yarn is not None:
-        return np.full(count, yarn.linear_density)
+    if named:
+        return np.resize([yarn.linear_density for yarn in named], count)
     yarns, bulk = cloth.yarns[family], (cloth.densities or 2 * (COTTON * PACKING,))[family]
     area = section_factor(yarns.aspect, yarns.section) * yarns.diameter**2
     return np.asarray(bulk * area)[:count]
@@ -371,8 +374,9 @@ def _reeds(settings: PlanSettings) -> tuple[float, ...]:
     return settings.reed if isinstance(settings.reed, tuple) else (settings.reed,)
 
 
-def _losses(yarn: Yarn | None) -> Losses:
-    word = "" if yarn is None else yarn.name.rpartition(" ")[2]
+def _losses(named: Sequence[Yarn]) -> Losses:
+    """Return usual losses of the first yarn's material."""
+    word = named[0].name.rpartition(" ")[2] if named else ""
     return LOSSES.get("cotton" if word == "cottolin" else word, _USUAL_LOSSES)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from spacemap_vtk.filters.weave_parameters import YarnName
+from spacemap_vtk.filters.weave_parameters import PerYarn, YarnName
 from spacemap_vtk.parameters import Choice, Integer, Parameterised, Real, Series
 from spacemap_vtk.textile.plan.sett import USUAL_SHARE
 
@@ -73,15 +73,17 @@ class PlanSettings(Parameterised):
         automatic="whole repeats that come nearest to the length",
         group="Size",
     )
-    warp_yarn = YarnName(
-        None,
-        'Yarn of the warp, as "20/2 cotton" (see "spacemap yarns").',
+    warp_yarn = PerYarn(
+        YarnName("20/2 cotton", 'Yarn of the warp, as "20/2 cotton" (see "spacemap yarns").'),
         automatic="that of the scene",
         group="Yarn and sett",
     )
-    weft_yarn = YarnName(
-        None,
-        'Yarn of the weft, as "16/2 linen".',
+    weft_yarn = PerYarn(
+        YarnName(
+            "16/2 linen",
+            'Yarn of the weft, as "16/2 linen"; for a pattern weft over tabby two yarns in turn, '
+            'as "2/8 worsted, 20/2 cotton".',
+        ),
         automatic="that of the scene, or that of the warp",
         group="Yarn and sett",
     )

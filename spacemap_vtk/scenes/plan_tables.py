@@ -185,9 +185,9 @@ def _warp(plan: ScenePlan) -> PlanTable:
         rows.insert(6, ("other reeds", others))
     if plan.largest_setts is not None:
         rows.append(("closest sett (Ashenhurst)", Quantity(plan.largest_setts[0], "sett")))
-    yarn = plan.yarns[0]
-    if yarn is not None and (usual := _usual_sett(yarn.published, units)):
-        rows.append((f"usual setts of {yarn.name}", usual))
+    for yarn in dict.fromkeys(plan.yarns[0]):
+        if usual := _usual_sett(yarn.published, units):
+            rows.append((f"usual setts of {yarn.name}", usual))
     return PlanTable("Warp", (), rows)
 
 
@@ -224,7 +224,7 @@ def _weft(plan: ScenePlan) -> PlanTable:
     project = plan.project
     request = project.request
     repeats = project.repeats[1].describe(project.picks)
-    shuttles = len({yarn.color for yarn in project.yarns if yarn.family == "weft"})
+    shuttles = sum(yarn.family == "weft" for yarn in project.yarns)
     changes = _count_changes(plan)
     rows: list[tuple[Cell, ...]] = [
         ("picks of a piece", f"{project.picks}" + (f" ({repeats})" if repeats else "")),
@@ -283,7 +283,8 @@ def purchases(plan: ScenePlan) -> list[Purchase]:
     found: dict[tuple[str, Color], list[YarnNeed]] = {}
     named: dict[str, Yarn] = {}
     for need in plan.project.yarns:
-        yarn = plan.yarns[FAMILIES.index(need.family)]
+        yarns = plan.yarns[FAMILIES.index(need.family)]
+        yarn = yarns[need.kind] if yarns else None
         label = yarn_label(yarn, need.density)
         if yarn is not None:
             named[label] = yarn

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spacemap_vtk.ndarrays import Bools, Bytes
+from spacemap_vtk.ndarrays import Bools, Bytes, Ints
 from spacemap_vtk.textile.drafts.loom import Loom
 
 #: An edge end that the weft does not bind within so many picks needs a floating selvedge.
@@ -49,9 +49,10 @@ def count_steps(loom: Loom, picks: int, pieces: int = 1) -> list[Step]:
     return [Step(pressed, count * pieces) for pressed, count in sorted(counts.items())]
 
 
-def color_order(colors: Bytes) -> list[tuple[Color, int]]:
-    """Find the stripes of a warp or weft: colour and number of threads of each."""
-    changes = np.flatnonzero((colors[1:] != colors[:-1]).any(axis=1)) + 1
+def color_order(colors: Bytes, kinds: Ints) -> list[tuple[Color, int]]:
+    """Find the stripes of a warp or weft, of one colour and yarn: colour and number of threads."""
+    differs = (colors[1:] != colors[:-1]).any(axis=1) | (kinds[1:] != kinds[:-1])
+    changes = np.flatnonzero(differs) + 1
     begins = np.concatenate([[0], changes, [len(colors)]])
     return [
         (_rgb(colors[begin]), int(size))

@@ -48,6 +48,8 @@ class PlannedDraft:
         Colours of the ends and of the picks.
     densities : tuple of (n,) float
         Mass per length of the ends and of the picks, in kg/m.
+    kinds : tuple of (n,) int
+        Number of each thread's yarn: threads of different yarns are never added.
     take_ups : tuple of (n,) float
         Length of each end and pick over the length of the cloth, minus 1.
     """
@@ -56,6 +58,7 @@ class PlannedDraft:
     loom: Loom
     colors: tuple[Bytes, Bytes]
     densities: tuple[Floats, Floats]
+    kinds: tuple[Ints, Ints]
     take_ups: tuple[Floats, Floats]
 
 
@@ -122,6 +125,8 @@ class YarnNeed:
     color: Color
     #: Mass per length, in kg/m.
     density: float
+    #: Number of the yarn, as in the draft.
+    kind: int
     #: Number of ends, or of picks of all pieces.
     threads: int
     #: Total length, in m.
@@ -230,7 +235,7 @@ def plan_project(draft: PlannedDraft, request: ProjectRequest) -> Project:
     edges = check_edges(
         draft.drawdown[:, 0],
         draft.drawdown[:, last],
-        len(np.unique(draft.colors[1], axis=0)),
+        len(np.unique(np.column_stack([draft.colors[1], draft.kinds[1]]), axis=0)),
     )
     floating = (2 if edges.need_floating else 0) if request.floating is None else request.floating
     warp_take_up, weft_take_up = (
@@ -265,17 +270,21 @@ def plan_project(draft: PlannedDraft, request: ProjectRequest) -> Project:
         steps=tuple(count_steps(draft.loom, picks, request.pieces)),
         lifts=draft.loom.liftplan is not None,
         orders=(
-            color_order(draft.colors[0][: repeats[0].size]),
-            color_order(draft.colors[1][: repeats[1].size]),
+            color_order(draft.colors[0][: repeats[0].size], draft.kinds[0][: repeats[0].size]),
+            color_order(draft.colors[1][: repeats[1].size], draft.kinds[1][: repeats[1].size]),
         ),
     )
 
 
 def _repeats(draft: PlannedDraft) -> tuple[Repeat, Repeat]:
     warp, weft = (
-        find_repeat(lines, colors, densities)
-        for lines, colors, densities in zip(
-            (draft.drawdown.T, draft.drawdown), draft.colors, draft.densities, strict=True
+        find_repeat(lines, colors, np.column_stack([densities, kinds]))
+        for lines, colors, densities, kinds in zip(
+            (draft.drawdown.T, draft.drawdown),
+            draft.colors,
+            draft.densities,
+            draft.kinds,
+            strict=True,
         )
     )
     return warp, weft
@@ -311,7 +320,7 @@ def _check(request: ProjectRequest) -> None:
 
 def _needs(draft: PlannedDraft, family: int, uses: Ints, lengths: Floats) -> list[YarnNeed]:
     """Add the lengths of the threads of each colour and count, in the order of the draft."""
-    kinds = np.column_stack([draft.colors[family], draft.densities[family]])
+    kinds = np.column_stack([draft.colors[family], draft.densities[family], draft.kinds[family]])
     unique, first, which = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
     which = which.reshape(-1)
     threads = np.bincount(which, weights=uses)
@@ -321,6 +330,7 @@ def _needs(draft: PlannedDraft, family: int, uses: Ints, lengths: Floats) -> lis
             FAMILIES[family],
             (int(unique[kind, 0]), int(unique[kind, 1]), int(unique[kind, 2])),
             float(unique[kind, 3]),
+            int(unique[kind, 4]),
             int(threads[kind]),
             float(total[kind]),
         )

@@ -38,15 +38,16 @@ class Repeat:
         return f"{text} + {rest}" if rest else text
 
 
-def find_repeat(lines: Bools, colors: Bytes, densities: Floats) -> Repeat:
-    """Find the repeat of a draft along its warp or weft, colours and counts included."""
-    # `lines` has a row of the drawdown for each pick, or a column for each end. The balance is what
+def find_repeat(lines: Bools, colors: Bytes, yarns: Floats) -> Repeat:
+    """Find the repeat of a draft along its warp or weft, colours and yarns included."""
+    # `lines` has a row of the drawdown for each pick, or a column for each end; `yarns` has what
+    # distinguishes the yarns of a colour. The balance is what
     # the draft has beyond whole repeats. A draft that ends with a repeat is balanced by the fewest
     # threads, less than half a repeat, that make it symmetrical.
     packed = np.packbits(lines, axis=1)
     words: list[Hashable] = [
-        (line.tobytes(), color.tobytes(), density)
-        for line, color, density in zip(packed, colors, densities.tolist(), strict=True)
+        (line.tobytes(), color.tobytes(), yarn.tobytes())
+        for line, color, yarn in zip(packed, colors, yarns, strict=True)
     ]
     size = period(words)
     extra = len(words) % size

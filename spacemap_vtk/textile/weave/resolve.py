@@ -37,7 +37,7 @@ from spacemap_vtk.textile.weave.thick_yarns import (
 )
 from spacemap_vtk.textile.weave.threads import Lengths, Threads, collapse_equal, repeat_values
 from spacemap_vtk.textile.weave.yarn import yarn_height
-from spacemap_vtk.textile.weave.yarn_library import parse_yarn
+from spacemap_vtk.textile.weave.yarn_library import parse_yarns
 
 #: Default distance between yarns, in m.
 SPACING = 0.5e-3
@@ -72,7 +72,7 @@ class ThreadsRequest:
 
     diameter: Wanted | None
     count: Wanted | None
-    yarn: str | None
+    yarn: str | tuple[str, ...] | None
     spacing: Wanted | None
     sett: float | None
     crimp: float | None
@@ -90,8 +90,9 @@ class ThreadsRequest:
 
     @property
     def linear_density(self) -> Wanted | None:
-        """Mass per length of the yarns, in kg/m: their count, or that of the named yarn."""
-        return self.count if self.yarn is None else parse_yarn(self.yarn).linear_density
+        """Mass per length of the yarns, in kg/m: their count, or that of the named yarns."""
+        named = parse_yarns(self.yarn)
+        return tuple(yarn.linear_density for yarn in named) if named else self.count
 
     @property
     def can_fit_lens(self) -> bool:
@@ -247,16 +248,22 @@ def _default_filling(layers: Layers | None) -> float:
 
 
 def _bulk_density(request: ThreadsRequest, fibres: ClothRequest) -> float:
-    """Return the mass per volume of a family's yarn, by its name or by the cloth's fibres."""
-    if request.yarn is not None:
-        return parse_yarn(request.yarn).bulk_density
-    return fibres.packing * fibres.fibre_density
+    """Return the mass per volume of a family's yarn; of several named yarns, that of all."""
+    named = parse_yarns(request.yarn)
+    if not named:
+        return fibres.packing * fibres.fibre_density
+    area = sum(yarn.linear_density / yarn.bulk_density for yarn in named)
+    return sum(yarn.linear_density for yarn in named) / area
 
 
 def _section_area(request: ThreadsRequest, fibres: ClothRequest, count: int) -> Floats:
     """Return the area of the yarns' sections, if their mass per length is given."""
-    linear = np.asarray(request.linear_density, dtype=np.float64)
-    return np.asarray(repeat_values(linear / _bulk_density(request, fibres), count))
+    named = parse_yarns(request.yarn)
+    if named:
+        areas = np.array([yarn.linear_density / yarn.bulk_density for yarn in named])
+    else:
+        areas = np.asarray(request.count, dtype=np.float64) / _bulk_density(request, fibres)
+    return np.asarray(repeat_values(areas, count))
 
 
 def _resolve_threads(
@@ -302,8 +309,8 @@ def _resolve_threads(
     )
 
 
-def _usual_plies(request: ThreadsRequest) -> float:
-    return 1.0 if request.yarn is None else float(parse_yarn(request.yarn).plies)
+def _usual_plies(request: ThreadsRequest) -> Wanted:
+    return tuple(float(yarn.plies) for yarn in parse_yarns(request.yarn)) or 1.0
 
 
 def _default_aspect(request: ThreadsRequest, section: str, spacing: Lengths) -> float:

@@ -170,6 +170,24 @@ class Yarn(NamedTuple):
         return self.material.diameters * (_POUND / _YARD / self.linear_density) ** 0.5 * _INCH
 
 
+def parse_yarns(names: str | tuple[str, ...] | None) -> tuple[Yarn, ...]:
+    """Parse the name of a yarn, or of several.
+
+    Parameters
+    ----------
+    names : str or tuple of str, optional
+        As for `parse_yarn`.
+
+    Returns
+    -------
+    tuple of Yarn
+        Empty without a name.
+    """
+    if names is None:
+        return ()
+    return tuple(map(parse_yarn, (names,) if isinstance(names, str) else names))
+
+
 @lru_cache(200)
 def parse_yarn(text: str) -> Yarn:
     """Parse the name of a yarn.
