@@ -326,7 +326,8 @@ def test_separate_cloths_may_be_as_dense_as_a_single_one(tmp_path: Path) -> None
     for size, filling in ((12, 0.45), (99, 0.9)):
         file = tmp_path / f"{size}.txt"
         file.write_text("\n".join(to_rows(two_cloths(blocks(size, 24, 24), patterns.plain()))))
-        cloth = WeaveSource(draft=file, warp_spacing="1 mm", weft_spacing="1 mm").cloth
+        apart = {"warp_spacing": "1 mm", "weft_spacing": "1 mm"}
+        cloth = WeaveSource(draft=file, thick_yarns="scale", **apart).cloth
         assert cloth.warp.diameter == pytest.approx(filling * 1e-3)
         cloth.check()
 

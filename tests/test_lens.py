@@ -140,7 +140,7 @@ def test_overlap_is_found() -> None:
     cloth = closed(PLAIN, False)
     weave = build_weave(cloth)
     points = np.array(weave.points)
-    one = np.unique(weave.patches[weave.yarn == 3])
+    one = np.unique(weave.patches[weave.yarn == 1])
     points[one, 0] += 0.15
     # The edges of lenses 0.9 wide, 1 apart, are 0.15 nearer.
     assert measure_clearance(weave, points).distance < -0.049

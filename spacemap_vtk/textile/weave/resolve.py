@@ -161,8 +161,11 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
     closes = request.closes_cloth and layers is None
     flattens = request.thick_yarns == "flatten" or (request.thick_yarns == "lens" and not closes)
     if flattens and draft.loom is not None:
-        filled = draft.warp.fill_spaces(SPACING), draft.weft.fill_spaces(SPACING)
-        draft = replace(draft, warp=filled[0], weft=filled[1])
+        warp_threads, weft_threads = (
+            own.fill_spaces(_requested_spacing(wanted))
+            for own, wanted in ((draft.warp, request.warp), (draft.weft, request.weft))
+        )
+        draft = replace(draft, warp=warp_threads, weft=weft_threads)
     filling = _default_filling(layers)
     warp = _resolve_threads(draft.warp, request.warp, request, ends, WARP_COLOR, filling)
     weft = _resolve_threads(draft.weft, request.weft, request, picks, WEFT_COLOR, filling)
@@ -204,6 +207,13 @@ def resolve(draft: Draft, request: ClothRequest, names: QuantityNames = quantity
         )
         cloth = replace(cloth, warp=warp, weft=weft)
     return replace(cloth, warnings=(*cloth.warnings, InfoMessage(message))) if message else cloth
+
+
+def _requested_spacing(request: ThreadsRequest) -> float:
+    """Return the spacing for threads to which a draft gives none."""
+    if request.spacing is not None:
+        return float(np.min(request.spacing))
+    return SPACING if request.sett is None else 1.0 / request.sett
 
 
 def _find_layers(
