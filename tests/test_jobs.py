@@ -165,8 +165,8 @@ def test_the_record_states_the_times_of_the_output(tmp_path: Path) -> None:
             "a.pdf",
             {"what": "figure", "panels": ["draft"], "page": {"end": 0, "width": 88.0, "dpi": 96}},
         ),
-        ("a.pdf", {"what": "print", "paper": "letter", "floats": "10mm", "mono": True}),
-        ("a.svg", {"what": "print", "pages": "3"}),
+        ("a.pdf", {"what": "print", "settings": {"floats": "10mm", "mono": True}}),
+        ("a.svg", {"what": "print", "settings": {"pages": "3"}}),
     ],
 )
 def test_a_job_survives_conversion_to_json_and_back(

@@ -25,10 +25,10 @@ def fill_dialog(seen: list[str]) -> None:
         QTimer.singleShot(50, lambda: fill_dialog(seen))
         return
     for text in ("nonsense", "3"):
-        dialog.lines["floats"].setText(text)
+        dialog.fields["floats"].setText(text)
         seen.append(f"{dialog.save_button.isEnabled()}: {dialog.summary.text()}")
-    dialog.boxes["paper"].setCurrentIndex(1)
-    dialog.mono.setChecked(True)
+    dialog.fields["paper"].setCurrentText("letter")
+    dialog.fields["mono"].setChecked(True)
     QTest.mouseClick(dialog.save_button, Qt.MouseButton.LeftButton)
 
 
@@ -45,11 +45,13 @@ def test_the_draft_tab_prints_a_draft(
     window.draft.print_button.click()
     wait_until(lambda: bool(written) or window.errors.text)
     assert window.errors.text == ""
-    assert seen[0].startswith('False: floats = "nonsense": must be the longest float')
+    assert seen[0].startswith('False: floats = "nonsense": must be a number')
     assert seen[1].startswith("True: ")
     record = read_record(file.with_suffix(".pdf"))
     assert record is not None
-    assert record.order == {"what": "print", "paper": "letter", "floats": "3", "mono": True}
+    assert record.order["what"] == "print"
+    settings = record.order["settings"]
+    assert (settings["paper"], settings["floats"], settings["mono"]) == ("letter", "3", True)
 
 
 def test_a_scene_that_is_not_woven_has_no_draft_to_print(open_scene: Any) -> None:

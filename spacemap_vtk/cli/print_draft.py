@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -17,17 +17,16 @@ from spacemap_vtk.cli.options import (
     output_option,
     run_job,
 )
-from spacemap_vtk.draw.draft_print.settings import (
-    FACES,
-    ORIENTATIONS,
-    PAPERS,
-    STARTS,
-    PrintSettings,
-    local_paper,
-)
+from spacemap_vtk.draw.draft_print.settings import PrintSettings, local_paper
 from spacemap_vtk.jobs import PrintJob
 
-_USUAL = PrintSettings()
+
+def _option(name: str) -> Parameter:
+    """Declare the option of a setting."""
+    setting = PrintSettings.parameter(name)
+    default = setting.automatic or setting.default_text.strip('"')
+    default = "that of your country" if name == "paper" else default
+    return Parameter(help=f"{setting.help} Default: {default}.", show_default=False)
 
 
 def print_draft(
@@ -35,50 +34,18 @@ def print_draft(
     /,
     *,
     output: Annotated[
-        Path,
-        output_option(
-            "A .pdf file, or .svg, .png or .jpg files of single pages, as in page-%02d.svg."
-        ),
+        Path, output_option("A .pdf file, or .svg, .png, .jpg files of pages, as in page-%02d.svg.")
     ],
-    paper: Annotated[
-        str | None,
-        Parameter(help=f"{', '.join(PAPERS)}. Default: that of your country (LC_PAPER, LANG)."),
-    ] = None,
-    orientation: Annotated[
-        str, Parameter(help=f"{', '.join(ORIENTATIONS)}; auto takes the one with fewer pages.")
-    ] = _USUAL.orientation,
-    faces: Annotated[
-        str, Parameter(help=f"Faces of the cloth that are drawn: {', '.join(FACES)}.")
-    ] = _USUAL.faces,
-    floats: Annotated[
-        str,
-        Parameter(
-            help="Mark floats over more threads than this, or longer than this, for example 10mm."
-        ),
-    ] = _USUAL.floats,
-    cell: Annotated[
-        str, Parameter(help="Least side of a cell; larger cells give more pages.")
-    ] = _USUAL.cell,
-    ends: Annotated[
-        str, Parameter(help="Print only these ends, for example 1-200.", show_default=False)
-    ] = _USUAL.ends,
-    picks: Annotated[
-        str, Parameter(help="Print only these picks, for example 1-200.", show_default=False)
-    ] = _USUAL.picks,
-    pages: Annotated[
-        str,
-        Parameter(help="Write only these pages, for example 3 or 3-5.", show_default=False),
-    ] = _USUAL.pages,
-    start: Annotated[
-        str,
-        Parameter(
-            help=f"Where end 1 and pick 1 are: {', '.join(STARTS)} (beside the tie-up). "
-            "bottom-left shows the cloth as the window and the pictures do."
-        ),
-    ] = _USUAL.start,
-    mono: Annotated[
-        bool, flag("Without colours: black where an end is on top, letters for yarns.")
-    ] = False,
+    paper: Annotated[Literal["a4", "letter"] | None, _option("paper")] = None,
+    orientation: Annotated[Literal["portrait", "landscape"] | None, _option("orientation")] = None,
+    faces: Annotated[Literal["both", "face", "reverse"] | None, _option("faces")] = None,
+    floats: Annotated[str | None, _option("floats")] = None,
+    cell: Annotated[str | None, _option("cell")] = None,
+    ends: Annotated[str | None, _option("ends")] = None,
+    picks: Annotated[str | None, _option("picks")] = None,
+    pages: Annotated[str | None, _option("pages")] = None,
+    start: Annotated[Literal["bottom-left", "top-right"] | None, _option("start")] = None,
+    mono: Annotated[bool, flag(PrintSettings.parameter("mono").help)] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -99,18 +66,15 @@ def print_draft(
 
     A draft as a figure on a page of a publication is drawn by "spacemap figure".
     """
+    given = {
+        **{"paper": paper or local_paper(), "orientation": orientation, "faces": faces},
+        **{"floats": floats, "cell": cell, "ends": ends, "picks": picks, "pages": pages},
+        **{"start": start, "mono": mono or None},
+    }
+    settings = PrintSettings()
     with name_options():
-        settings = PrintSettings(
-            paper=paper or local_paper(),
-            orientation=orientation,
-            faces=faces,
-            floats=floats,
-            cell=cell,
-            ends=ends,
-            picks=picks,
-            pages=pages,
-            start=start,
-            mono=mono,
-        )
-        job = PrintJob(output, settings)
+        for name, value in given.items():
+            if value is not None:
+                settings.set_from_scene(name, value)
+        job = PrintJob(output, settings.given_values)
     run_job(job, open_scene(scene, set_), "Printing", quiet)

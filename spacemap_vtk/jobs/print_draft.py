@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spacemap_vtk.draw.draft_print.settings import PrintSettings
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.output import check_output
 from spacemap_vtk.io.provenance import attach_order
@@ -27,15 +26,19 @@ class PrintJob(Job):
     """A draft for the loom, as a document or as a file for each page."""
 
     output: Path
-    settings: PrintSettings
+    #: Values of `spacemap_vtk.draw.draft_print.settings.PrintSettings` by name.
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     kind = "print"
     command = "print"
 
     def __post_init__(self) -> None:
+        from spacemap_vtk.draw.draft_print.settings import PrintSettings
+
+        self._checked = PrintSettings(**self.settings)
         single = dict.fromkeys(writer_endings("plot"), "single pages, as in page-%02d")
         check_output(self.output, {**single, **writer_endings("pages")}, self.is_numbered)
-        if self._is_single and not self.settings.pages.isdecimal():
+        if self._is_single and not (self._checked.pages or "").isdecimal():
             require_placeholder(self.output)
 
     @property
@@ -53,23 +56,6 @@ class PrintJob(Job):
         """Whether other files may appear next to the output."""
         return self.is_numbered
 
-    def as_json(self) -> dict[str, Any]:
-        """Return the kind, and the settings that differ from their defaults."""
-        usual = asdict(PrintSettings())
-        own = asdict(self.settings).items()
-        return {"what": self.kind, **{key: value for key, value in own if value != usual[key]}}
-
-    @classmethod
-    def create(cls, kind: str, output: Path, **fields: Any) -> Job:
-        """Return the job with fields of `PrintSettings`."""
-        return cls(output, PrintSettings(**fields))
-
-    @classmethod
-    def from_json(cls, record: Mapping[str, Any], output: Path) -> Job:
-        """Return the job that `as_json` has described."""
-        fields = {key: value for key, value in record.items() if key != "what"}
-        return cls.create(cls.kind, output, **fields)
-
     def write(self, context: Context) -> str:
         """Draw the pages and write them; return their number."""
         from spacemap_vtk.draw.draft_print.sheet import DraftSheet
@@ -81,7 +67,7 @@ class PrintJob(Job):
             )
         draft = scene.woven.make_draft()
         assert draft is not None  # of anything woven
-        sheet = DraftSheet(draft, self.settings, scene.title, list(_remarks(scene)))
+        sheet = DraftSheet(draft, self._checked, scene.title, list(_remarks(scene)))
 
         count = len(sheet.numbers)
         done = itertools.count()
@@ -96,7 +82,7 @@ class PrintJob(Job):
                 for number, page in pages():
                     name = file.name % number if self.is_numbered else file.name
                     # "spacemap again" repeats a page by itself.
-                    with attach_order(pages=str(number)):
+                    with attach_order(settings={**self.settings, "pages": str(number)}):
                         writer(file, "plot").write(file.with_name(name), page)
         else:
             self.write_output(context, "pages", (page for _, page in pages()))

@@ -16,64 +16,47 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.widgets import mark_bad, note
-from spacemap_vtk.draw.draft_print.settings import STARTS, PrintSettings, local_paper
+from spacemap_vtk.draw.draft_print.settings import PrintSettings, local_paper
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.parameters import AUTOMATIC, Choice, Flag
 from spacemap_vtk.textile.drafts.draft import Draft
 
-#: Fields of `PrintSettings` that are chosen: labels, and the shown name of each value.
-_CHOICES = {
-    "paper": ("Paper", {"a4": "A4", "letter": "Letter"}),
-    "orientation": (
-        "Orientation",
-        {"auto": "Fewest pages", "portrait": "Portrait", "landscape": "Landscape"},
-    ),
-    "faces": ("Faces", {"both": "Both", "face": "Face", "reverse": "Reverse"}),
-    "start": (
-        "First end and pick",
-        {STARTS[0]: "Bottom left, as the cloth", STARTS[1]: "Top right, beside the tie-up"},
-    ),
-}
-#: Fields that are typed: labels, and explanations.
-_LINES = {
-    "floats": (
-        "Mark floats longer than",
-        "Number of threads that a float passes, or a length such as 10mm",
-    ),
-    "cell": ("Least cell", "Side of a cell, 2mm or more; larger cells need more pages"),
-    "ends": ("Ends", "Empty for all, or a part such as 1-200"),
-    "picks": ("Picks", "Empty for all, or a part such as 1-200"),
-}
-#: Fields that are kept for the next draft, with this prefix in the settings.
-_KEPT, _KEY = ("paper", "start"), "print/"
+#: Settings that are kept for the next draft, with this prefix of their keys.
+_KEPT, _KEY = ("paper", "start", "mono"), "print/"
+#: Settings that the dialog does not ask for.
+_HIDDEN = ("pages",)
 
 
 class PrintDialog(QDialog):
     """Ask how a draft is printed."""
 
-    def __init__(self, parent: QWidget, draft: Draft) -> None:
+    def __init__(self, parent: QWidget | None, draft: Draft) -> None:
         super().__init__(parent, windowTitle="Print draft")
         self._draft = draft
-        usual = PrintSettings(paper=local_paper())
+        #: Editor of each setting.
+        self.fields: dict[str, QWidget] = {}
         form = QFormLayout(self)
         form.setContentsMargins(16, 16, 16, 12)
-        self.boxes: dict[str, QComboBox] = {}
-        for key, (label, names) in _CHOICES.items():
-            box = QComboBox()
-            for value, name in names.items():
-                box.addItem(name, value)
-            kept = QSettings().value(_KEY + key) if key in _KEPT else None
-            box.setCurrentIndex(max(0, box.findData(kept or getattr(usual, key))))
-            form.addRow(label, box)
-            self.boxes[key] = box
-        self.lines: dict[str, QLineEdit] = {}
-        for key, (label, tip) in _LINES.items():
-            line = QLineEdit(getattr(usual, key), toolTip=tip, placeholderText="all")
-            line.textChanged.connect(self._check)
-            form.addRow(label, line)
-            self.lines[key] = line
-        tip = "Black where an end is on top, letters for the yarns"
-        self.mono = QCheckBox("Without colours", toolTip=tip)
-        form.addRow(self.mono)
+        for parameter in PrintSettings.parameters.values():
+            if parameter.name in _HIDDEN:
+                continue
+            default = parameter.automatic or parameter.default_text.strip('"')
+            kept = QSettings().value(_KEY + parameter.name) if parameter.name in _KEPT else None
+            field: QWidget
+            if isinstance(parameter, Choice):
+                field = QComboBox()
+                field.addItems([*([AUTOMATIC] if parameter.automatic else []), *parameter.choices])
+                usual = local_paper() if parameter.name == "paper" else parameter.default
+                field.setCurrentText(str(kept or usual or AUTOMATIC))
+                field.currentTextChanged.connect(self._check)
+            elif isinstance(parameter, Flag):
+                field = QCheckBox(checked=kept == "true")
+            else:
+                field = QLineEdit(placeholderText=default)
+                field.textChanged.connect(self._check)
+            field.setToolTip(f"{parameter.help}\n\nAllowed: {parameter.allowed}.")
+            form.addRow(parameter.label, field)
+            self.fields[parameter.name] = field
         self.summary = note("", "note")
         self.summary.setMinimumSize(360, 3 * self.summary.fontMetrics().lineSpacing())
         button = QDialogButtonBox.StandardButton
@@ -87,22 +70,33 @@ class PrintDialog(QDialog):
         self._check()
 
     @property
-    def fields(self) -> dict[str, Any]:
-        """Values of `PrintSettings` by field."""
-        chosen = {key: box.currentData() for key, box in self.boxes.items()}
-        typed = {key: line.text().strip() for key, line in self.lines.items()}
-        return {**chosen, **typed, "mono": self.mono.isChecked()}
+    def settings(self) -> PrintSettings:
+        """The settings; refused values raise an error."""
+        settings = PrintSettings()
+        for name, field in self.fields.items():
+            value: Any
+            if isinstance(field, QComboBox):
+                value = field.currentText()
+            elif isinstance(field, QCheckBox):
+                value = field.isChecked()
+            else:
+                value = field.text().strip() if isinstance(field, QLineEdit) else ""
+            if value not in ("", AUTOMATIC):
+                settings.set_from_scene(name, value)
+        return settings
 
     def accept(self) -> None:
-        """Keep paper and direction for the next draft, and accept."""
-        for key in _KEPT:
-            QSettings().setValue(_KEY + key, self.boxes[key].currentData())
+        """Keep some settings for the next draft, and accept."""
+        settings = self.settings
+        for name in _KEPT:
+            value = getattr(settings, name)
+            QSettings().setValue(_KEY + name, str(value).lower())
         super().accept()
 
     def _check(self) -> None:
         """Describe what is printed, or explain why it is not possible."""
         try:
-            settings = PrintSettings(**self.fields)
+            settings = self.settings
             part, _ = settings.select(self._draft)
             settings.limits(part)
             text, bad = "{} ends and {} picks.".format(*part.size), False

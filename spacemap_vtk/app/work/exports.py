@@ -163,7 +163,7 @@ class Exports(QObject):
         path = add_ending(self._window, Path(name), ".pdf") if name else None
         if path is not None:
             QSettings().setValue(_FOLDER_KEY, str(path.parent))
-            self.start("print", path, **dialog.fields)
+            self.start("print", path, settings=dialog.settings.given_values)
 
     def start(
         self,

@@ -1,127 +1,111 @@
-"""What is printed of a draft, and how."""
+"""What is printed of a draft, and how; no VTK, so that a command's help is quick."""
 
 from __future__ import annotations
 
 import locale
 import os
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.parameters import Choice, Flag, Parameterised, Real, Text
+from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.drafts.floats import FloatLimits, float_limits
 from spacemap_vtk.units import parse_quantity
-
-if TYPE_CHECKING:
-    from spacemap_vtk.textile.drafts.draft import Draft
-    from spacemap_vtk.textile.drafts.floats import FloatLimits
 
 #: Width and height of each paper, upright, in mm.
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
 #: Countries whose usual paper is Letter.
 _LETTER_COUNTRIES = {"US", "CA", "MX", "CL", "CO", "CR", "GT", "PA", "PH", "PR", "SV", "VE"}
-#: Directions of the paper by name; None: whichever needs fewer pages.
-ORIENTATIONS = {"auto": None, "portrait": False, "landscape": True}
-#: Faces that can be printed, by name: True is the face, False the reverse.
+#: Faces that are printed, by choice: True is the face, False the reverse.
 FACES = {"both": (True, False), "face": (True,), "reverse": (False,)}
 #: Where end 1 and pick 1 are.
 STARTS = ("bottom-left", "top-right")
-#: Least side of a cell, and the largest that can be asked for, in mm.
-LEAST_CELL, _MOST_CELL = 2.0, 10.0
-_FLOATS_ALLOWED = "a number of threads, for example 7, or a length, for example 10mm"
 
 
-@dataclass(frozen=True)
-class PrintSettings:
+def _parse_limit(text: str) -> int | float:
+    return int(text) if text.isdecimal() else parse_quantity(text, "m")
+
+
+class FloatLimit(Text):
+    """The longest float that is not marked: a number of threads, or a length."""
+
+    expected = "a number of threads, for example 7, or a length, for example 10mm"
+
+    def convert(self, value: Any) -> str:
+        """Return the text if it is a number of threads or a length."""
+        text = super().convert(value).strip()
+        limit = _parse_limit(text)
+        if not 0.0 < limit < (1e6 if isinstance(limit, int) else 1.0):
+            raise InputError("out of range")
+        return text
+
+
+class Range(Text):
+    """A number, or the first and the last number of a range."""
+
+    expected = "a number or a range, for example 1-200"
+
+    def convert(self, value: Any) -> str:
+        """Return the text if it is a range."""
+        text = super().convert(value).replace("–", "-").replace(" ", "")
+        if re.fullmatch(r"\d{1,7}(-\d{1,7})?", text) is None:
+            raise InputError("must be a range")
+        return text
+
+
+class PrintSettings(Parameterised):
     """What is printed of a draft, and how."""
 
-    #: A key of `PAPERS`.
-    paper: str = "a4"
-    #: A key of `ORIENTATIONS`.
-    orientation: str = "auto"
-    #: A key of `FACES`.
-    faces: str = "both"
-    #: Floats over more threads than this, or longer than this, are marked: ``"7"``, ``"10mm"``.
-    floats: str = "7"
-    #: Least side of a cell.
-    cell: str = f"{LEAST_CELL:g}mm"
-    #: Ranges of threads, such as ``"1-200"``; empty: all.
-    ends: str = ""
-    picks: str = ""
-    #: Number of a page, or a range; empty: all.
-    pages: str = ""
-    #: One of `STARTS`.
-    start: str = STARTS[0]
-    #: Whether without colours.
-    mono: bool = False
-
-    def __post_init__(self) -> None:
-        for key, known in (
-            ("paper", PAPERS),
-            ("orientation", ORIENTATIONS),
-            ("faces", FACES),
-            ("start", STARTS),
-        ):
-            if (value := getattr(self, key)) not in known:
-                raise InputError("unknown value", key=key, value=value, allowed=", ".join(known))
-        _ = self.least_cell, self.float_limit
-
-    @property
-    def least_cell(self) -> float:
-        """Least side of a cell in mm."""
-        refused = InputError(
-            "cells must be legible and fit on the paper",
-            key="cell",
-            value=self.cell,
-            allowed=f"{LEAST_CELL:g}mm to {_MOST_CELL:g}mm",
-        )
-        try:
-            size = 1e3 * parse_quantity(self.cell, "m")
-        except InputError as error:
-            raise refused from error
-        if not LEAST_CELL <= round(size, 9) <= _MOST_CELL:
-            raise refused
-        return size
+    paper = Choice("a4", "Size of the paper.", [*PAPERS])
+    orientation = Choice(
+        None,
+        "Direction of the paper.",
+        ["portrait", "landscape"],
+        automatic="the one with fewer pages",
+    )
+    faces = Choice("both", "Faces of the cloth that are drawn.", [*FACES])
+    floats = FloatLimit(
+        "7", "Mark floats over more threads than this, or longer than this, as 10mm."
+    )
+    cell = Real(
+        0.002,
+        "Least side of a cell; larger cells need more pages.",
+        unit="m",
+        minimum=0.002,
+        maximum=0.01,
+        usual_units="mm",
+        plausible=(0.002, 0.01),
+    )
+    ends = Range(None, "Ends that are printed, as 1-200.", automatic="all")
+    picks = Range(None, "Picks that are printed, as 1-200.", automatic="all")
+    pages = Range(None, "Pages that are written, as 3 or 3-5.", automatic="all")
+    start = Choice(
+        STARTS[0],
+        "Where end 1 and pick 1 are: at the bottom left, as in the window and in pictures, or at "
+        "the top right, beside the tie-up.",
+        STARTS,
+    )
+    mono = Flag(False, "Draw without colours: black where an end is on top, letters for the yarns.")
 
     @property
     def float_limit(self) -> int | float:
         """The longest float that is not marked: a number of threads, or a length in m."""
-        refused = InputError(
-            "must be the longest float that is not marked",
-            key="floats",
-            value=self.floats,
-            allowed=_FLOATS_ALLOWED,
-        )
-        text = self.floats.strip()
-        if text.isdecimal() and len(text) < 9 and int(text) > 0:
-            return int(text)
-        try:
-            length = parse_quantity(text, "m")
-        except InputError as error:
-            raise refused from error
-        if text.isdecimal() or not 0.0 < length < 1.0:
-            raise refused
-        return length
+        return _parse_limit(self.floats)
 
     def select(self, draft: Draft) -> tuple[Draft, tuple[int, int]]:
         """Return the printed part of a draft, and the numbers of its first end and pick."""
-        ends, picks = (
-            _parse_range(name, text, count, "threads")
-            for name, text, count in zip(
-                ("ends", "picks"), (self.ends, self.picks), draft.size, strict=True
-            )
-        )
+        ends = self._select("ends", draft.size[0])
+        picks = self._select("picks", draft.size[1])
         return draft.crop(ends, picks), (ends.start + 1, picks.start + 1)
 
     def select_pages(self, count: int) -> range:
         """Return the numbers of the pages that are written, of so many."""
-        pages = _parse_range("pages", self.pages, count, "pages")
+        pages = self._select("pages", count)
         return range(pages.start + 1, pages.stop + 1)
 
     def limits(self, draft: Draft) -> FloatLimits:
         """Return the most threads that ends and picks of a draft may pass unmarked."""
-        # Imported here, because the command's help needs no arrays.
-        from spacemap_vtk.textile.drafts.floats import float_limits
-
         limit = self.float_limit
         if isinstance(limit, int):
             return limit, limit
@@ -136,6 +120,19 @@ class PrintSettings:
             )
         return found
 
+    def _select(self, name: str, count: int) -> slice:
+        """Return a range, counted from 1, as a slice of so many; all if none is given."""
+        text = getattr(self, name)
+        if text is None:
+            return slice(0, count)
+        first, _, last = text.partition("-")
+        begin, end = int(first), int(last or first)
+        if not 1 <= begin <= end <= count:
+            raise InputError(
+                f"there are {count} {name}", key=name, value=text, allowed=f"1-{count}, or a part"
+            )
+        return slice(begin - 1, end)
+
 
 def local_paper() -> str:
     """Return the usual paper of the user's country, a key of `PAPERS`."""
@@ -143,18 +140,3 @@ def local_paper() -> str:
     name = next((word for word in words if word), None) or locale.getlocale()[0] or ""
     country = re.match(r"[a-zA-Z]+_([A-Z]{2})", name)
     return "letter" if country and country[1] in _LETTER_COUNTRIES else "a4"
-
-
-def _parse_range(key: str, text: str, count: int, what: str) -> slice:
-    """Parse a range such as 1-200, counted from 1, both included; all if it is empty."""
-    if not text:
-        return slice(0, count)
-    first, _, last = text.replace("–", "-").partition("-")
-    words = [first.strip(), (last or first).strip()]
-    if all(word.isdecimal() and len(word) < 9 for word in words):
-        begin, end = map(int, words)
-        if 1 <= begin <= end <= count:
-            return slice(begin - 1, end)
-    raise InputError(
-        f"must be a range of {what}", key=key, value=text, allowed=f"1-{count} or a part of it"
-    )

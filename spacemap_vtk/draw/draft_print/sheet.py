@@ -42,7 +42,7 @@ from spacemap_vtk.draw.draft_print.paper import (
     Box,
     Page,
 )
-from spacemap_vtk.draw.draft_print.settings import FACES, ORIENTATIONS, STARTS, PrintSettings
+from spacemap_vtk.draw.draft_print.settings import FACES, STARTS, PrintSettings
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.drafts.loom import Loom
@@ -50,6 +50,8 @@ from spacemap_vtk.textile.drafts.loom import Loom
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Whether the paper lies across; None: whichever needs fewer pages.
+_ACROSS = {None: None, "portrait": False, "landscape": True}
 #: Most pages of a printed draft.
 MOST_PAGES = 200
 
@@ -71,15 +73,15 @@ class DraftSheet:
         self._across, grids = plan_charts(
             self.content,
             settings.paper,
-            ORIENTATIONS[settings.orientation],
-            settings.least_cell,
+            _ACROSS[settings.orientation],
+            1e3 * settings.cell,
             FACES[settings.faces],
         )
         self._refuse(1 + sum(grid.count for grid in grids))
         upright = paper_size(settings.paper, False)
         self._cover = Page(upright)
         room = self._draw_cover()
-        charts = place_whole_draft(self.content, room, settings.least_cell, FACES[settings.faces])
+        charts = place_whole_draft(self.content, room, 1e3 * settings.cell, FACES[settings.faces])
         draw_whole_draft(self._cover, self.content, charts, self._style)
         bottom = max((box.bottom + 4.0 for _, box in charts), default=room.bottom)
         left = Box(room.left, bottom, room.width, max(room.bottom - bottom, 0.0))
