@@ -240,6 +240,8 @@ def test_tables_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
         "scenes",
         "keys",
         "materials",
+        "yarns",
+        "plan",
         "paraview",
         "serve",
         "gui",

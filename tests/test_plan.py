@@ -117,6 +117,21 @@ def test_a_published_plan_of_a_sample_warp_and_weft() -> None:
     assert longer.total_length(1) == pytest.approx(968.0)
 
 
+def test_a_published_warp_of_four_towels() -> None:
+    """Happy Towels (Handwoven 2011): 4 x 34 in woven, 13 in take-up, 31 in waste from 5 yd."""
+    take_up = 13 / (4 * 34)
+    request = ProjectRequest(
+        width=0.5,
+        length=34 * INCH,
+        pieces=4,
+        sleying=Sleying(10 / INCH, (2,)),
+        weft_sett=20 / INCH,
+        waste=31 * INCH,
+    )
+    project = plan_project(make_draft(PLAIN, take_up), request)
+    assert project.warp_length == pytest.approx(5 * YARD)
+
+
 @pytest.mark.parametrize(
     ("weave", "sett"), [("plain", 26), ("twill 2/2", 34.5), ("twill 1/2", 31), ("basket 2", 34.5)]
 )

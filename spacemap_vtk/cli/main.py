@@ -69,7 +69,7 @@ COMMANDS = {
     ),
     "plan": (
         "plan:plan",
-        "Plan a project: from the finished size to ends, reed, warp length and yarn by colour.",
+        "Plan a project: ends, reed, warp length and yarn by colour for a finished size.",
     ),
     "sweep": ("sweep:sweep", "Run a scene for lists of values, with a table and a contact sheet."),
     "export": ("draw:export", "Write a scene's data for other programs."),

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 #: Groups of options in the help, as the groups of fields in the window.
 _GROUPS = {
-    title: Group.create_ordered(title)
+    title: Group.create_ordered(title, sort_key=-1)  # before those of all commands
     for title in dict.fromkeys(each.group for each in PlanSettings.parameters.values())
 }
 
@@ -94,7 +94,7 @@ def plan(
     json_: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Plan a project: from the finished size to ends, reed, warp length and yarn by colour.
+    """Plan a project: ends, reed, warp length and yarn by colour for a finished size.
 
     The draft is repeated over the cloth, in whole repeats. The take-up follows from the geometry of
     the cloth with these yarns and setts; draw-in and shrinkage are given, or usual ones whose
