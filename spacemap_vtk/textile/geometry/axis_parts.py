@@ -86,6 +86,22 @@ class Axes(NamedTuple):
         )
         return along, height, a + k * s
 
+    def evaluate_swelling(self, part: Ints, station: Ints, fraction: Floats) -> Floats:
+        """Compute the share of swelling at fractions of parts."""
+        if self.swelling is None:
+            return np.zeros(len(part))
+        share, slope = self.swelling
+        width = self.along[station + 1] - self.along[station]
+        weights = bernstein(3, fraction).T
+        begin, end = share[station], share[station + 1]
+        controls = (
+            begin,
+            begin + slope[station] * width / 3.0,
+            end - slope[station + 1] * width / 3.0,
+            end,
+        )
+        return np.asarray(sum(w * c for w, c in zip(weights, controls, strict=True)))
+
 
 def sample_places(family: Axes, samples: int) -> tuple[Ints, Ints, Floats]:
     """Choose evenly spaced points on the axes of a family, yarn by yarn."""

@@ -19,6 +19,8 @@ from spacemap_vtk.textile.drafts.drawdown import repeat_size
 from spacemap_vtk.textile.geometry.axis_parts import Axes, sample_places
 from spacemap_vtk.textile.geometry.cloth_axes import family_axes
 from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.sweep import swell_section
+from spacemap_vtk.textile.geometry.swelling import RISE, float_widening, swelling_shares
 from spacemap_vtk.textile.patches.bezier import bernstein
 from spacemap_vtk.textile.weave.cloth import Cloth
 
@@ -130,21 +132,29 @@ def cut_cloth(cloth: Cloth, family: int, yarn: int | None = None) -> CrossSectio
     path = family_axes(cloth, family, np.array([yarn]))
     part, station, fraction = sample_places(path, _SAMPLES)
     along, height, slope = path.evaluate(part, station, fraction)
+    share = path.evaluate_swelling(part, station, fraction)
     lengths_along = np.cumsum(path.length)[part] - path.length[part] * (1.0 - fraction)
     place = across.position
     passes, lengths = np.interp(place, along, height), np.interp(place, along, lengths_along)
     low, high = _view_ends(cloth, family, first, last)
     inner = (along > low) & (along < high)
     ends = (low, high)
-    line = np.stack([along, height, slope], axis=1)[inner]
-    cut = np.stack([np.interp(ends, along, values) for values in (along, height, slope)], axis=1)
+    columns = along, height, slope, share
+    line = np.stack(columns, axis=1)[inner]
+    cut = np.stack([np.interp(ends, along, values) for values in columns], axis=1)
     line = np.concatenate([cut[:1], line, cut[1:]])
     half, normal = path.radius[0], np.stack([-np.sin(line[:, 2]), np.cos(line[:, 2])], axis=1)
-    upper, lower = line[:, :2] + half * normal, line[:, :2] - half * normal
+    # A swollen yarn rises on the side on which it floats.
+    above, below = (
+        half * (1.0 + 2.0 * RISE * np.maximum(side * line[:, 3:], 0.0)) for side in (1, -1)
+    )
+    upper, lower = line[:, :2] + above * normal, line[:, :2] - below * normal
 
     other = family_axes(cloth, 1 - family, window)
-    centres, tilts = _crossed_centres(other, own.position[yarn], place)
-    outlines = _section_outline(cloth, 1 - family)[None] * other.radius[:, None, None]
+    centres, tilts, swollen = _crossed_centres(other, own.position[yarn], place)
+    widening, widest = float_widening(cloth, 1 - family)
+    shares = swelling_shares(swollen, widening[window])
+    outlines = _section_outlines(cloth, 1 - family, widest, shares) * other.radius[:, None, None]
     # A plane that cuts a tube obliquely makes the section higher.
     outlines[..., 1] /= np.cos(tilts)[:, None]
     return CrossSection(
@@ -204,30 +214,34 @@ def _view_ends(cloth: Cloth, family: int, first: int, last: int) -> tuple[float,
     return float(place[first] - before), float(place[last] + after)
 
 
-def _crossed_centres(other: Axes, where: float, place: Floats) -> tuple[Floats, Floats]:
-    """Compute centres and slopes of the crossed yarns in the cutting plane."""
+def _crossed_centres(other: Axes, where: float, place: Floats) -> tuple[Floats, Floats, Floats]:
+    """Compute centres, slopes and swelling of the crossed yarns in the cutting plane."""
     part, station, fraction = sample_places(other, _SAMPLES)
     along, height, slope = other.evaluate(part, station, fraction)
+    share = other.evaluate_swelling(part, station, fraction)
     owner = station - part
     found = np.array(
         [
-            [np.interp(where, along[mine], values[mine]) for values in (height, slope)]
+            [np.interp(where, along[mine], values[mine]) for values in (height, slope, share)]
             for mine in (owner == number for number in range(len(place)))
         ]
     )
-    return np.stack([place, found[:, 0]], axis=1), found[:, 1]
+    return np.stack([place, found[:, 0]], axis=1), found[:, 1], found[:, 2]
 
 
-def _section_outline(cloth: Cloth, family: int) -> Floats:
-    """Compute points (m, 2) on a family's section of half height 1."""
+def _section_outlines(cloth: Cloth, family: int, widest: float, shares: Floats) -> Floats:
+    """Compute points (yarns, m, 2) on sections of half height 1 with given swelling."""
     threads = cloth.threads[family]
-    shape = build_section(threads.shape, threads.aspect, cloth.exact)
-    points = np.stack([shape.lateral, shape.normal, np.ones(shape.size)], axis=1)
+    shape = build_section(threads.shape, threads.aspect, cloth.exact, widest)
+    swollen = swell_section(shape, shares)
+    lateral, normal = (shape.lateral, shape.normal) if swollen is None else swollen
+    points = np.empty((len(shares), shape.size, 3))
+    points[..., 0], points[..., 1], points[..., 2] = lateral, normal, 1.0
     points *= shape.weight[:, None]
-    cubics = points[(3 * np.arange(shape.size // 3)[:, None] + np.arange(4)) % shape.size]
-    curves = np.einsum("tk,nkc->ntc", bernstein(3, np.arange(_SAMPLES) / _SAMPLES), cubics)
-    flat = curves.reshape(-1, 3)
-    return flat[:, :2] / flat[:, 2:]
+    cubics = points[:, (3 * np.arange(shape.size // 3)[:, None] + np.arange(4)) % shape.size]
+    curves = np.einsum("tk,ynkc->yntc", bernstein(3, np.arange(_SAMPLES) / _SAMPLES), cubics)
+    flat = curves.reshape(len(shares), -1, 3)
+    return np.asarray(flat[..., :2] / flat[..., 2:])
 
 
 def _measure_bends(

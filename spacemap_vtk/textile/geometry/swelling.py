@@ -107,9 +107,13 @@ def ring_shares(path: Axes, widening: Floats) -> Floats | None:
     rings[first + 1] = share[start] + slope[start] * third
     rings[first + 2] = share[start + 1] - slope[start + 1] * third
     rings[3 * np.cumsum(path.parts) + np.arange(len(path.parts))] = share[path.last]
-    wide = np.repeat(widening, 3 * path.parts + 1)
-    above, below = np.maximum(rings, 0.0), np.maximum(-rings, 0.0)
-    return np.stack([above, wide * above, below, wide * below], axis=1)
+    return swelling_shares(rings, np.repeat(widening, 3 * path.parts + 1))
+
+
+def swelling_shares(share: Floats, widening: Floats) -> Floats:
+    """Compute the shares of `swollen_changes`, (n, 4), for shares s and widenings (n,)."""
+    above, below = np.maximum(share, 0.0), np.maximum(-share, 0.0)
+    return np.stack([above, widening * above, below, widening * below], axis=1)
 
 
 def float_widening(cloth: Cloth, number: int) -> tuple[Floats, float]:

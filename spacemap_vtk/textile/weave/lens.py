@@ -15,8 +15,9 @@ Yarns do not overlap: the arcs on which they touch lie in tubes of radii R1 and 
 lines are those of round yarns in Peirce's geometry and nowhere closer than R1 + R2. This needs
 widths up to the spacing.
 
-Source: lenticular yarns are those of J. W. S. Hearle and W. J. Shanahan, "An Energy Method for
-Calculations in Fabric Mechanics", J. Textile Inst. 69 (1978) 81; (1) was derived for this program.
+Source: derived for this program. Lenticular yarns are usually attributed to J. W. S. Hearle and
+W. J. Shanahan, "An Energy Method for Calculations in Fabric Mechanics", J. Textile Inst. 69 (1978)
+81, which was not at hand.
 """
 
 from __future__ import annotations
