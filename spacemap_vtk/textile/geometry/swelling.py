@@ -30,6 +30,8 @@ _FILLED = 0.985
 RISE = 0.35
 #: Share of a half ellipse in the outer side; the rest is an arc.
 _ROUND = 0.8
+#: Least height of the outer side over the edges of a wide float, over half the lens' height.
+_CROWN = 0.4
 #: Half the largest width over the radius of the circle of contact; beyond, edges would be steep.
 _STEEPEST = 0.97
 #: Rise of the share s in the first half of a float of two crossings, over that in a longer one.
@@ -180,9 +182,10 @@ def swollen_changes(aspect: float, exact: bool, widest: float) -> tuple[Floats, 
 
 def _swollen_ring(aspect: float, half: float, rise: float, share: float, weight: float) -> Floats:
     """Compute control points (2, 12) of a section of a half width, with its outer side above."""
-    radius, top = 2.0 * face_radius(aspect), 1.0 + rise
+    radius = 2.0 * face_radius(aspect)
     angle = asin(min(half / radius, 1.0))
     edge = radius * (1.0 - np.cos(angle)) - 1.0
+    top = max(1.0 + rise, edge + _CROWN)
     # Both from the middle to the edge; the lower face lies on the circle of contact.
     face = _arc(radius, angle, weight)
     face[1] -= 1.0
