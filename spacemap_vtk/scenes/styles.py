@@ -109,7 +109,7 @@ STYLES = {
         gloss_power=8.0,
         sheen=0.16,
         knee=0.75,
-        occlusion=0.62,
+        occlusion=0.75,
         shadow=0.42,
         irregularity=1.0,
     ),

@@ -25,6 +25,8 @@ _MAX_LAMPS = 3
 LOOK_ATTRIBUTE = "lookMC"
 
 #: GLSL functions that light a surface; `lighting_code` puts the constants before them.
+#: Share of the light that is hidden where a contact shadow has become visible.
+SOFT = 0.05
 #: Share of the light from the walls of a gap that reaches its other walls.
 BOUNCE = 0.35
 
@@ -48,7 +50,9 @@ vec4 reflectedLight(vec3 n, vec3 eye)
 // one another, so that gaps between them are less dark, and keep their colour.
 vec4 shadedLight(vec4 light, float exposure, vec3 hue)
 {
-  float open = 1.0 - shadows * (1.0 - clamp(exposure, 0.0, 1.0));
+  // Shadows begin without an edge.
+  float hidden = clamp(1.0 - exposure, 0.0, 1.0);
+  float open = 1.0 - shadows * hidden * hidden * (1.0 + SOFT) / (hidden + SOFT);
   open *= open;
   return vec4(light.rgb * open / (1.0 - BOUNCE * hue * hue * (1.0 - open)), light.a * open);
 }
@@ -105,7 +109,8 @@ def lighting_code(style: Style, pixels_per_point: float = 1.0) -> str:
         x, y, z = map(float, triple)
         lines.append(f"const vec3 {key} = vec3({x!r}, {y!r}, {z!r});")
     lines += [f"const float {key} = {float(value)!r};" for key, value in numbers.items()]
-    return "\n".join(["", *lines, f"const float BOUNCE = {BOUNCE!r};", _FUNCTIONS])
+    lines.append(f"const float BOUNCE = {BOUNCE!r}, SOFT = {SOFT!r};")
+    return "\n".join(["", *lines, _FUNCTIONS])
 
 
 def _constants(style: Style, point: float) -> tuple[dict[str, Any], dict[str, float]]:
@@ -223,7 +228,7 @@ vec2 fibresAt(vec3 strands, float width) {{
       float fade = 97.0 * t * t + (0.17 + 0.3 * t) * strands.z;
       float strength = visible * abs(2.0 * fract(fade) - 1.0);
       tilt += (size == 0 ? 0.5 : 0.85) * strength * side * (1.0 - square);
-      light *= 1.0 + strength * (0.16 * t - 0.08 - 0.10 * square * square);
+      light *= 1.0 + strength * (0.16 * t - 0.05 - 0.10 * square * square);
     }}
   }}
   return vec2(tilt, light);

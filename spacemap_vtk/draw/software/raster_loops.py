@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.draw.actors.lighting import BOUNCE
+from spacemap_vtk.draw.actors.lighting import BOUNCE, SOFT
 from spacemap_vtk.ndarrays import Floats, Singles
 from spacemap_vtk.parallel import compile_function
 
@@ -233,7 +233,7 @@ def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any
             phase = 97.0 * tone * tone + (0.17 + 0.3 * tone) * strands[2]
             strength = shown * abs(2.0 * (phase - math.floor(phase)) - 1.0)
             tilt += (0.5 if size == 0 else 0.85) * strength * side * (1.0 - square)
-            light *= 1.0 + strength * (0.16 * tone - 0.08 - 0.10 * square * square)
+            light *= 1.0 + strength * (0.16 * tone - 0.05 - 0.10 * square * square)
     bent = _tilt(normal, tilt, dx, dy, right, up)
     dx, dy = across[1][1] - strands[1], down[1][1] - strands[1]
     width = abs(dx) + abs(dy)
@@ -349,6 +349,7 @@ def shade(
                 bright = w[0] * looks[a, 1] + w[1] * looks[b, 1] + w[2] * looks[c, 1]
                 hue = hue[0] * bright, hue[1] * bright, hue[2] * bright
                 hidden = min(max(1.0 - exposed, 0.0), 1.0)
+                hidden = hidden * hidden * (1.0 + SOFT) / (hidden + SOFT)
                 light = _shaded_light(light, (1.0 - numbers[8] * hidden) ** 2, hue)
             visible_color(triples, numbers, hue, light, line, pixel)
             for k in range(3):

@@ -21,7 +21,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: For each radius of the surroundings, in mean heights of yarns: darkening at a depth of that
 #: radius, and the largest darkening.
-SCALES = ((0.4, 0.6, 0.75), (1.1, 0.45, 0.6))
+SCALES = ((0.4, 0.75, 0.8), (1.1, 0.6, 0.65))
 #: Largest number of samples of the heights between the axes of neighbouring yarns.
 _SAMPLES = 12
 #: Largest number of samples of the whole cloth.
