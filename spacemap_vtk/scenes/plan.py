@@ -21,6 +21,7 @@ from spacemap_vtk.parameters import Parameterised, Series
 from spacemap_vtk.scenes.plan_settings import PlanSettings
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.drafts.drawdown import mean_floats
+from spacemap_vtk.textile.plan.losses import Losses, usual_losses
 from spacemap_vtk.textile.plan.project import PlannedDraft, Project, ProjectRequest, plan_project
 from spacemap_vtk.textile.plan.reed import (
     IMPERIAL_REEDS,
@@ -28,7 +29,7 @@ from spacemap_vtk.textile.plan.reed import (
     Sleying,
     choose_sleying,
 )
-from spacemap_vtk.textile.plan.sett import USUAL_SHARE, largest_sett
+from spacemap_vtk.textile.plan.sett import USUAL_SHARE, largest_sett, suggest_sett
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.families import FAMILIES
 from spacemap_vtk.textile.weave.figures import yarn_crimps
@@ -42,34 +43,6 @@ FamilyYarns = tuple[tuple[Yarn, ...], tuple[Yarn, ...]]
 _LONGEST_REPEAT = 4096
 #: Take-up of yarns that do not fit as they are drawn.
 _UNKNOWN_TAKE_UP = 0.1
-_HANDWOVEN = 'S. Bateman and M. Parsons, "Planning a Weaving Project", Handwoven (2022)'
-
-
-class Losses(NamedTuple):
-    """Draw-in and shrinkage of cloth of a material."""
-
-    draw_in: float
-    shrinkage: float
-    source: str
-
-
-#: Losses if nothing is known about the material.
-_USUAL_LOSSES = Losses(0.05, 0.1, f"{_HANDWOVEN}: 10 % without a sample; draw-in as for cotton")
-#: Draw-in and shrinkage by material. Only a sample tells more.
-LOSSES = {
-    "cotton": Losses(
-        0.05,
-        0.1,
-        "published projects: 8/2 cotton 20.9 to 18 in, 10/2 cotton 15 % in all (draw-in and "
-        "shrinkage)",
-    ),
-    "linen": Losses(
-        0.03, 0.04, 'L. Fry, "Dimensional loss" (2010); Linencharm: shrinkage 3 to 5 %'
-    ),
-    "tencel": Losses(
-        0.06, 0.1, f'M. Petrini, "Draw-in" (2023): 4.5 to 7.4 %; shrinkage: {_HANDWOVEN}'
-    ),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,11 +77,11 @@ def plan_scene(scene: Scene, settings: PlanSettings) -> ScenePlan:
         yarns = _named_yarns(woven, settings)
         unit = _repeat_once(woven, yarns)
         largest = _largest_setts(unit.cloth, unit.size, yarns)
-        warp_sett, weft_sett = _choose_setts(woven, settings, unit.cloth, yarns, largest, assumed)
+        warp_sett, weft_sett = _choose_setts(unit, settings, yarns, largest, assumed)
         unit = _repeat_once(woven, yarns, (warp_sett, weft_sett))
         draft = _planned_draft(unit, settings, yarns, assumed)
     sleyings = choose_sleying(warp_sett, _reeds(settings))
-    losses = [_losses(named) for named in yarns]
+    losses = [usual_losses(named) for named in yarns]
     assumed += _assumed_losses(settings, losses)
     picks, ends = draft.drawdown.shape
     request = ProjectRequest(
@@ -214,60 +187,51 @@ def _largest_setts(
 
 
 def _choose_setts(
-    woven: Woven,
+    unit: _Unit,
     settings: PlanSettings,
-    cloth: Cloth,
     yarns: FamilyYarns,
     largest: tuple[float, float] | None,
     assumed: list[str],
 ) -> tuple[float, float]:
-    """Choose the setts: the plan's, the scene's, the yarn's, the draft's, in this order."""
-    given = woven.given_values if isinstance(woven, Parameterised) else {}
-    own = woven.source.warp.spacing, woven.source.weft.spacing
-    setts, reasons = [], []
-    for family, threads in enumerate(cloth.threads):
-        drawn = 1.0 / threads.mean_spacing(threads.aspect * threads.mean_diameter)
-        names = [parameter_name(each, family) for each in ("sett", "spacing")]
-        wanted, why = (settings.sett, settings.weft_sett)[family], ""
-        if wanted is None and family == 1 and settings.sett is not None:
-            wanted, why = settings.sett, "as many picks as ends"
-        elif wanted is None and not settings.warp_yarn and any(name in given for name in names):
-            wanted = drawn
-        elif wanted is None and largest is not None:
-            is_double = cloth.layers is not None
-            wanted, why = _suggest_sett(
-                yarns[family], largest[family], settings.firmness, is_double
-            )
-            wanted = _round_sett(wanted, settings.units)
-        elif wanted is None and own[family] is not None:
-            wanted, why = drawn, "as in the draft, which may be only for the screen"
-        elif wanted is None:
-            wanted, why = drawn, "as drawn; give a yarn or a sett"
-        setts.append(wanted)
-        reasons.append(why)
-    if reasons[0] and reasons[0] == reasons[1]:
-        assumed.append(f"sett of warp and weft: {reasons[0]}")
+    """Choose the setts of warp and weft, and say why where they are not given."""
+    warp, weft = (
+        _choose_sett(unit, settings, yarns, family, None if largest is None else largest[family])
+        for family in (0, 1)
+    )
+    if warp[1] and warp[1] == weft[1]:
+        assumed.append(f"sett of warp and weft: {warp[1]}")
     else:
-        pairs = zip(FAMILIES, reasons, strict=True)
+        pairs = zip(FAMILIES, (warp[1], weft[1]), strict=True)
         assumed += [f"sett of the {family}: {why}" for family, why in pairs if why]
-    return setts[0], setts[1]
+    return warp[0], weft[0]
 
 
-def _suggest_sett(
-    named: Sequence[Yarn], largest: float, firmness: float | None, double: bool
+def _choose_sett(
+    unit: _Unit, settings: PlanSettings, yarns: FamilyYarns, family: int, largest: float | None
 ) -> tuple[float, str]:
-    """Return the sett of yarns for a weave with its largest sett, and where it comes from."""
-    yarn = named[0]
-    published = yarn.published if len(named) == 1 and not double else None
-    if firmness is not None or published is None or published.plain_sett is None:
-        share = USUAL_SHARE if firmness is None else firmness
-        return share * largest, f"{share:.0%} of the closest one by Ashenhurst's rule"
-    # A weave with floats can be closer than plain weave.
-    plain = largest_sett(yarn.diameters_per_metre, yarn.diameters_per_metre, 1.0)
-    wanted = published.plain_sett * largest / plain
-    if published.highest_sett is not None:
-        wanted = min(wanted, published.highest_sett)
-    return wanted, f"usual for {yarn.name} in this weave ({published.source})"
+    """Return the plan's sett, the scene's, the yarn's or the draft's, and why if not given."""
+    given = settings.weft_sett if family else settings.sett
+    if given is not None:
+        return given, ""
+    if family and settings.sett is not None:
+        return settings.sett, "as many picks as ends"
+    woven, threads = unit.woven, unit.cloth.threads[family]
+    drawn = 1.0 / threads.mean_spacing(threads.aspect * threads.mean_diameter)
+    in_scene = woven.given_values if isinstance(woven, Parameterised) else {}
+    own_names = [parameter_name(each, family) for each in ("sett", "spacing")]
+    if not settings.warp_yarn and any(name in in_scene for name in own_names):
+        return drawn, ""
+    if largest is not None:
+        # Setts of two cloths together are published nowhere.
+        firmness = settings.firmness
+        if firmness is None and unit.cloth.layers is not None:
+            firmness = USUAL_SHARE
+        wanted, why = suggest_sett(yarns[family], largest, firmness)
+        return _round_sett(wanted, settings.units), why
+    source = woven.source
+    if (source.weft if family else source.warp).spacing is not None:
+        return drawn, "as in the draft, which may be only for the screen"
+    return drawn, "as drawn; give a yarn or a sett"
 
 
 def _round_sett(sett: float, units: str) -> float:
@@ -372,12 +336,6 @@ def _reeds(settings: PlanSettings) -> tuple[float, ...]:
     if settings.reed is None:
         return IMPERIAL_REEDS if settings.units == "imperial" else METRIC_REEDS
     return settings.reed if isinstance(settings.reed, tuple) else (settings.reed,)
-
-
-def _losses(named: Sequence[Yarn]) -> Losses:
-    """Return usual losses of the first yarn's material."""
-    word = named[0].name.rpartition(" ")[2] if named else ""
-    return LOSSES.get("cotton" if word == "cottolin" else word, _USUAL_LOSSES)
 
 
 def _or_usual(given: float | None, usual: float) -> float:
