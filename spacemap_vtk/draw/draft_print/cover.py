@@ -10,6 +10,7 @@ from spacemap_vtk.draw.draft_print.chart import MARK, ChartStyle, draw_chart
 from spacemap_vtk.draw.draft_print.content import THREADS, DraftContent, color_letter
 from spacemap_vtk.draw.draft_print.group_flow import ROW, draw_rule
 from spacemap_vtk.draw.draft_print.layout import Chart, ChartGrid
+from spacemap_vtk.draw.draft_print.page_map import PageMap, draw_page_map
 from spacemap_vtk.draw.draft_print.paper import (
     BODY,
     FAINT,
@@ -255,7 +256,8 @@ def draw_overview(
         page.draw_cells(_cell_colors(content, grid.face, style), inner)
         page.draw_box(inner, 0.4)
         if number:
-            _draw_page_map(page, content, inner, grid, first_pages[number], style)
+            pages = PageMap(grid, content.size, inner, style.from_top)
+            draw_page_map(page, pages, first_pages[number], style)
 
 
 def _cell_colors(content: DraftContent, face: bool, style: ChartStyle) -> Bytes:
@@ -310,46 +312,8 @@ def _draw_reduced(
         page.draw_box(Box(left, cloth.top, columns * cell, cloth.height), 0.3, FAINT)
         if content.has_treadles:
             page.draw_box(Box(left, inner.top, columns * cell, shafts * cell), 0.3, FAINT)
-    _draw_page_map(page, content, cloth, grid, first_page, style)
-
-
-def _draw_page_map(
-    page: Page,
-    content: DraftContent,
-    cloth: Box,
-    grid: ChartGrid,
-    first_page: int,
-    style: ChartStyle,
-) -> None:
-    """Draw the cuts, and the number of each page on a white field."""
-    if grid.count == 1:
-        return
-    ends, picks = content.size
-    falls = style.from_top == grid.face
-
-    def x(end: int) -> float:
-        return cloth.left + cloth.width / ends * (ends - end if falls else end)
-
-    def y(pick: int) -> float:
-        return cloth.top + cloth.height / picks * (pick if style.from_top else picks - pick)
-
-    lines = [((x(begin), cloth.top), (x(begin), cloth.bottom)) for begin, _ in grid.ends[1:]]
-    lines += [((cloth.left, y(begin)), (cloth.right, y(begin))) for begin, _ in grid.picks[1:]]
-    page.draw_lines(lines, 1.6, "white")
-    page.draw_lines(lines, 0.8, "#c8102e" if not style.mono else INK)
-    for row, (low, high) in enumerate(grid.picks):
-        for column, (begin, end) in enumerate(grid.ends):
-            text = str(first_page + row * len(grid.ends) + column)
-            place = x(0.5 * (begin + end)), y(0.5 * (low + high))  # type: ignore[arg-type]
-            room = abs(x(end) - x(begin)) - 1.0, abs(y(high) - y(low)) - 1.0
-            size = min(11.0, 11.0 * room[0] / (word_width(text, 11.0) + 2.0), room[1] / 0.5)
-            if size < 4.5:
-                continue
-            wide, high_mm = word_width(text, size) + 1.6, 0.46 * size
-            page.fill(
-                [(place[0] - 0.5 * wide, place[1] - 0.5 * high_mm, wide, high_mm)], "white", 0.9
-            )
-            page.write(*place, text, size, centred=True, bold=True)
+    pages = PageMap(grid, content.size, cloth, style.from_top)
+    draw_page_map(page, pages, first_page, style)
 
 
 def _shorten(text: str, width: float, size: float) -> str:

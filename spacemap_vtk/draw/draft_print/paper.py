@@ -192,7 +192,8 @@ class Page:
             lines = np.repeat(points, 2, axis=1)
             lines[:, 1, 0] += 2.0 * 10.0**-_DECIMALS * POINT
             style = {"edgecolor": color, "linewidth": 2.0 * radius / POINT, "fill": False}
-            self._add(lines, closed=False, capstyle="round", **style)
+            # Snapped to pixels, the lines would have no length and vanish from pictures.
+            self._add(lines, closed=False, capstyle="round", snap=False, **style)
 
     def draw_cells(self, pixels: Bytes, box: Box) -> None:
         """Draw an image of exact cells (rows, columns, 3), the first row at the top."""

@@ -30,11 +30,13 @@ from spacemap_vtk.draw.draft_print.layout import (
     ChartGrid,
     chart_box,
     chart_width,
+    drawn_band,
     paper_size,
     place_whole_draft,
     plan_charts,
 )
 from spacemap_vtk.draw.draft_print.listing import list_draft, list_notes
+from spacemap_vtk.draw.draft_print.page_map import draw_small_map
 from spacemap_vtk.draw.draft_print.paper import (
     BODY,
     FAINT,
@@ -203,7 +205,8 @@ class DraftSheet:
         left = box.left + max(0.0, 0.5 * (box.width - width))
         covered = draw_chart(page, content, chart, (left, box.top), self._style)
         self._name_neighbours(page, grid, (column, row), first_page, covered)
-        self._draw_small_map(page, grid, column, row)
+        from_top = self._style.from_top
+        draw_small_map(page, grid, content.size, (column, row), from_top)
         self._draw_legend(page)
         return page.figure
 
@@ -214,7 +217,16 @@ class DraftSheet:
         from_top = self._style.from_top
         right = -1 if from_top == grid.face else 1
         up = -1 if from_top else 1
-        middle = covered.left + 0.5 * covered.width, covered.top + 0.5 * covered.height
+        # Beside the middle of the drawdown.
+        chart = grid.chart(*place)
+        ends, picks = (
+            drawn_band(band, count)
+            for band, count in zip((chart.ends, chart.picks), self.content.size, strict=True)
+        )
+        middle = (
+            covered.left + 0.5 * (ends[1] - ends[0]) * grid.cell,
+            covered.bottom - 0.5 * (picks[1] - picks[0]) * grid.cell,
+        )
         for (dx, dy), (x, y), turn in (
             ((-right, 0), (covered.left - 2.6, middle[1]), 90),
             ((right, 0), (covered.right + 2.6, middle[1]), 90),
@@ -225,32 +237,3 @@ class DraftSheet:
             if 0 <= column < len(grid.ends) and 0 <= row < len(grid.picks):
                 text = f"page {first_page + row * len(grid.ends) + column}"
                 page.write(x, y, text, NUMBER + 1.0, centred=True, upright=bool(turn))
-
-    def _draw_small_map(self, page: Page, grid: ChartGrid, column: int, row: int) -> None:
-        """Draw a small map of the pages of this face, with this one filled."""
-        if grid.count == 1:
-            return
-        body = page.body
-        (ends, picks), from_top = self.content.size, self._style.from_top
-        scale = min(30.0 / ends, 9.0 / picks)
-        box = Box(body.right - 28.0 - ends * scale, body.top + 0.5, ends * scale, picks * scale)
-        falls = from_top == grid.face
-        begin, end = grid.ends[column]
-        low, high = grid.picks[row]
-        x = box.left + scale * (ends - end if falls else begin)
-        y = box.top + scale * (low if from_top else picks - high)
-        page.fill([(x, y, scale * (end - begin), scale * (high - low))], "#9aa4b0")
-        lines = [
-            ((box.left + scale * (ends - e if falls else e), box.top),) * 1
-            + ((box.left + scale * (ends - e if falls else e), box.bottom),)
-            for e, _ in grid.ends[1:]
-        ]
-        lines += [
-            (
-                (box.left, box.top + scale * (p if from_top else picks - p)),
-                (box.right, box.top + scale * (p if from_top else picks - p)),
-            )
-            for p, _ in grid.picks[1:]
-        ]
-        page.draw_lines(lines, 0.4)
-        page.draw_box(box, 0.5)
