@@ -160,7 +160,10 @@ def _cloth_scene(run: Run) -> Scene:
     if max(ends, picks) > _MAX_THREADS:
         scene.assign(source, "ends", min(ends, _MAX_THREADS))
         scene.assign(source, "picks", min(picks, _MAX_THREADS))
-        scene.warn(f"only the first {_MAX_THREADS} of {ends} ends and {picks} picks are drawn")
+        scene.warn(
+            f"only the first {_MAX_THREADS} of {ends} ends and {picks} picks are drawn; "
+            '"spacemap print" draws all of them, on several pages'
+        )
     return scene
 
 
