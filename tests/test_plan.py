@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from test_textile import sources  # noqa: F401
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
@@ -513,6 +514,13 @@ def test_drafts_of_every_kind_can_be_planned(tmp_path: Path) -> None:
         assert sum(each["ends"] for each in found["yarns"]) == (
             found["warp"]["ends"] + found["warp"]["floating"]
         )
+
+
+def test_another_woven_source_can_be_planned(sources: None) -> None:  # noqa: F811
+    plan = plan_scene(Scene({"tabby": {"threads": 5}}), PlanSettings(width=0.1, length=0.1))
+    assert plan.project.ends % 2 == plan.project.repeats[0].extra
+    assert plan.project.finished_width == pytest.approx(0.1, rel=0.05)
+    assert plan.project.take_ups[0] > 0.0
 
 
 def test_what_is_not_woven_is_refused_in_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:

@@ -179,7 +179,7 @@ def _warp(plan: ScenePlan) -> PlanTable:
     if len(plan.reeds) > 1:
         others = "; ".join(
             f"{Quantity(each.reed, 'reed').text(units)} {each.text} "
-            f"({100 * each.error(plan.wanted_sett):+.1f} %)"
+            f"({_percent(each.error(plan.wanted_sett))})"
             for each in plan.reeds[1:4]
         )
         rows.insert(6, ("other reeds", others))
@@ -207,7 +207,12 @@ def _describe_error(plan: ScenePlan) -> str:
     if abs(error) < 5e-4:
         return ""
     wanted = Quantity(plan.wanted_sett, "sett").text(plan.settings.units)
-    return f" ({100 * error:+.1f} % from {wanted})"
+    return f" ({_percent(error)} from {wanted})"
+
+
+def _percent(error: float) -> str:
+    """Format an error with its sign; none is +0.0 %."""
+    return f"{round(100 * error, 1) + 0.0:+.1f} %"
 
 
 def _describe_floating(plan: ScenePlan) -> str:
