@@ -41,23 +41,11 @@ _SHORT_FLOAT = 0.75
 def share_along_floats(
     upper: Bools, spacing: Floats, before: Floats, after: Floats
 ) -> tuple[Floats, Floats]:
-    """Compute the share of swelling at crossings.
-
-    Parameters
-    ----------
-    upper : ndarray of bool, shape (yarns, n)
-        Whether the yarns lie over the yarns that they cross.
-    spacing : ndarray of float, shape (yarns or 1, n - 1)
-        Lengths of the gaps between crossings, in metres.
-    before, after : ndarray of float, shape (yarns, n - 1)
-        Lengths along the cloth of the arc at the start and at the end of each gap, in metres.
-
-    Returns
-    -------
-    share, slope : ndarray of float, shape (yarns, n)
-        Share s, and its derivative along the yarn in 1/m. A yarn that floats at its first or last
-        crossing is fully swollen there, because the float may go on.
-    """
+    """Compute the share of swelling at crossings."""
+    # `upper` (yarns, n) says whether yarns lie over those that they cross. `before` and `after`,
+    # (yarns, n - 1), are the lengths along the cloth of the arcs at the start and the end of each
+    # gap. The results are s and its derivative along the yarn, (yarns, n). A yarn that floats at
+    # its first or last crossing is fully swollen there, because the float may go on.
     same = upper[:, 1:] == upper[:, :-1]
     spacing = np.broadcast_to(spacing, same.shape)
     goes_on = np.concatenate([same, same[:, -1:]], axis=1)
@@ -84,20 +72,8 @@ def share_along_floats(
 
 
 def ring_shares(path: Axes, widening: Floats) -> Floats | None:
-    """Compute the shares of `swollen_changes` at the rings of control points of a family.
-
-    Parameters
-    ----------
-    path : Axes
-        Axes of some yarns.
-    widening : ndarray of float, shape (yarns,)
-        As from `float_widening`, for these yarns.
-
-    Returns
-    -------
-    ndarray of float, shape (rings, 4), or None
-        None if no yarn swells.
-    """
+    """Compute the shares of `swollen_changes` at the rings of control points of a family."""
+    # (rings, 4); None if no yarn swells.
     if path.swelling is None or not path.swelling[0].any():
         return None
     start = np.arange(len(path.length)) + path.owner
@@ -119,22 +95,9 @@ def swelling_shares(share: Floats, widening: Floats) -> Floats:
 
 
 def float_widening(cloth: Cloth, number: int) -> tuple[Floats, float]:
-    """Compute how much wider the floats of ends (0) or picks (1) get.
-
-    Parameters
-    ----------
-    cloth : Cloth
-        The cloth.
-    number : {0, 1}
-        The family.
-
-    Returns
-    -------
-    share : ndarray of float, shape (yarns,)
-        Of the largest widening, from 0 to 1.
-    widest : float
-        The largest width of a float over that of its lens.
-    """
+    """Compute how much wider the floats of ends (0) or picks (1) get."""
+    # Shares (yarns,) of the largest widening, from 0 to 1, and the largest width of a float over
+    # that of its lens.
     yarns, given = cloth.yarns[number], cloth.threads[number].float_width
     width = yarns.aspect * yarns.diameter
     if given is not None:
@@ -150,24 +113,10 @@ def float_widening(cloth: Cloth, number: int) -> tuple[Floats, float]:
 
 
 def swollen_changes(aspect: float, exact: bool, widest: float) -> tuple[Floats, Floats]:
-    """Compute the changes of a lens' control points for full swelling.
-
-    Parameters
-    ----------
-    aspect : float
-        Width over height of the lens.
-    exact : bool
-        Whether the control points have the rational weights of the lens.
-    widest : float
-        Largest width of a float over that of the lens.
-
-    Returns
-    -------
-    lateral, normal : ndarray of float, shape (4, 12)
-        For a half height of 1: changes without widening and those of the largest widening, where
-        the outer side is above; the same where it is below. Any share of them keeps the contact
-        face inside the circle of contact, because chords lie inside a circle.
-    """
+    """Compute the changes of a lens' control points for full swelling."""
+    # Lateral and normal, (4, 12) each, for a half height of 1: changes without widening and those of
+    # the largest widening, where the outer side is above; the same where it is below. Any share of
+    # them keeps the contact face inside the circle of contact, because chords lie inside a circle.
     weight = float(rational_handles(edge_angle(aspect))[1]) if exact else 1.0
     # The largest width must leave an edge on the circle of contact.
     most = max(min(widest * aspect, _STEEPEST * 2.0 * face_radius(aspect)), aspect)

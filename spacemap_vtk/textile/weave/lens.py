@@ -40,18 +40,7 @@ _BISECTIONS = 50
 
 
 def face_radius(aspect: float) -> float:
-    """Compute the radius R of a lens' arcs over its height.
-
-    Parameters
-    ----------
-    aspect : float
-        Width a over height b.
-
-    Returns
-    -------
-    float
-        1/2 for a circle, whose aspect is 1.
-    """
+    """Compute the radius R of a lens' arcs over its height."""
     return 0.25 * (aspect * aspect + 1.0)
 
 
@@ -78,21 +67,9 @@ class CrossedGaps(NamedTuple):
 
 
 def largest_lean(gaps: CrossedGaps, own: Floats) -> float:
-    """Compute how much higher than level crowns a family can be.
-
-    Parameters
-    ----------
-    gaps : CrossedGaps
-        Of the crossed yarns.
-    own : ndarray of float, shape (m,)
-        Heights of the family's own yarns, in metres.
-
-    Returns
-    -------
-    float
-        Crimp height less that of level crowns, over the sum of the heights of warp and weft; below
-        0 if level crowns have no room; infinite without a gap.
-    """
+    """Compute how much higher than level crowns a family can be."""
+    # Crimp height less that of level crowns, over the sum of the heights of warp and weft: below 0
+    # if level crowns have no room, infinite without a gap. `own` are the family's own heights.
     if not gaps.room.size:
         return inf
     high, low = float(np.max(own)), float(np.min(own))
@@ -124,23 +101,12 @@ class LensShape(NamedTuple):
 
 
 def fit_lenses(warp: DraftFamily, weft: DraftFamily) -> tuple[LensShape, LensShape]:
-    """Find lenticular sections that close a cloth and can be woven.
-
-    Parameters
-    ----------
-    warp, weft : DraftFamily
-        The yarns, and the widths that close the cloth.
-
-    Returns
-    -------
-    tuple of LensShape
-        For warp and weft. The product of their heights is at most 0.92**2 of that in (1).
-
-        Without areas, yarns have the given widths and the largest heights, in the ratio of the
-        square roots of the widths. Yarns of known area have the given widths too, but an aspect of
-        at most 4, which leaves the cloth open. If they are then too high, both families are made
-        narrower and rounder until they fit. If not even round yarns fit, they are round.
-    """
+    """Find lenticular sections that close a cloth and can be woven."""
+    # The product of the heights is at most 0.92**2 of that in (1). Without areas, yarns have the
+    # given widths and the largest heights, in the ratio of the square roots of the widths. Yarns of
+    # known area have the given widths too, but an aspect of at most 4, which leaves the cloth open.
+    # If they are then too high, both families are made narrower and rounder until they fit. If not
+    # even round yarns fit, they are round.
     largest = _solve_product((warp, weft))
     if warp.area is None and weft.area is None:
         return largest
