@@ -92,7 +92,7 @@ class Menus(QObject):
         self._add_action(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
         self._add_action(menu, "Export film…", "Ctrl+Shift+F", exports.film)
         self._add_action(menu, "Export data…", "Ctrl+E", exports.data)
-        self._add_action(menu, "Print draft…", "Ctrl+Alt+P", exports.draft)
+        self._add_action(menu, "Print draft…", None, exports.draft)
         menu.addSeparator()
         self._add_action(menu, "Close", keys.Close, window.close, keys.Quit)
         menu = self._add_menu("&Edit")

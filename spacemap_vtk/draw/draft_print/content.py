@@ -19,8 +19,8 @@ from spacemap_vtk.textile.drafts.repeats import find_repeats
 
 #: Colours of families for which the draft gives none.
 _PLAIN_COLORS = np.array([[70, 84, 102], [250, 250, 247]], np.uint8)
-#: Most shafts, treadles or columns of a liftplan that are drawn as a grid: 80 mm at the least cell.
-_MOST_COLUMNS = 40
+#: Most room for shafts above a drawdown, and for treadles or a liftplan beside it, in mm.
+_LOOM_ROOM = 80.0
 #: Names of the families' threads.
 THREADS = ("end", "pick")
 
@@ -31,6 +31,8 @@ class DraftContent:
 
     #: The printed part of the draft.
     draft: Draft
+    #: Least side of a cell, in mm.
+    least_cell: float
     #: Floats over more crossings than these are marked: those of ends, those of picks.
     float_limits: FloatLimits
     #: Number of the first printed end and pick.
@@ -69,7 +71,7 @@ class DraftContent:
     @property
     def shows_loom(self) -> bool:
         """Whether threading and treadling fit beside a drawdown as grids."""
-        return max(self.loom.shafts, self.columns) <= _MOST_COLUMNS
+        return max(self.loom.shafts, self.columns) * self.least_cell <= _LOOM_ROOM
 
     @property
     def lists_loom(self) -> bool:

@@ -69,21 +69,22 @@ class DraftSheet:
         part, first = settings.select(draft)
         whole = None if part.size == draft.size else draft.size
         derived = draft.loom == Loom.from_drawdown(draft.drawdown)
-        self.content = DraftContent(part, settings.limits(part), first, whole, derived)
+        cell = 1e3 * settings.cell
+        self.content = DraftContent(part, cell, settings.limits(part), first, whole, derived)
         self._style = ChartStyle(settings.mono, settings.start == STARTS[1])
         self._remarks = [*remarks, *self._own_remarks()]
         self._across, grids = plan_charts(
             self.content,
             settings.paper,
             _ACROSS[settings.orientation],
-            1e3 * settings.cell,
+            cell,
             FACES[settings.faces],
         )
         self._refuse(1 + sum(grid.count for grid in grids))
         upright = paper_size(settings.paper, False)
         self._cover = Page(upright)
         room = self._draw_cover()
-        charts = place_whole_draft(self.content, room, 1e3 * settings.cell, FACES[settings.faces])
+        charts = place_whole_draft(self.content, room, cell, FACES[settings.faces])
         draw_whole_draft(self._cover, self.content, charts, self._style)
         bottom = max((box.bottom + 4.0 for _, box in charts), default=room.bottom)
         left = Box(room.left, bottom, room.width, max(room.bottom - bottom, 0.0))
