@@ -233,7 +233,7 @@ class Bicubic:
             kind.type(1 / scale),
             kind.type(SUSPECT),
             positions.reshape(-1),
-            None if normals is None else normals.reshape(-1),
+            positions[:0].reshape(-1) if normals is None else normals.reshape(-1),
             suspects,
             streamed and chunk.patch_count % _LINES == 0,
         )

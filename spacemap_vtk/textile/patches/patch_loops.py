@@ -50,15 +50,17 @@ def evaluate(
     per_size: Any,
     suspect: Any,
     positions: NDArray[Any],
-    normals: NDArray[Any] | None,
+    normals: NDArray[Any],
     suspects: Ints,
     streamed: bool,
 ) -> int:
-    """Write the points of some patches, and their unit normals if an array is given for them."""
+    """Write the points of some patches, and their unit normals unless `normals` is empty."""
+    # An empty array, because with None the loop would be compiled once more for each type.
     # `points` is flat. A streamed result begins at a multiple of 64 bytes, and so does the row of
     # patches of each sample.
     kind, one = curve.dtype, curve[0, 0, 0]  # 1 of that type: an int would make it float64
     count, steps, found = gather.shape[1], curve.shape[1], 0
+    has_normals = normals.size > 0
     # First control points stay in the precision of the points while numbers are large: coordinates
     # are subtracted before they are rounded. Arrays have room for one number more, because
     # `subtract_point` writes four.
@@ -84,7 +86,7 @@ def evaluate(
             for patch in range(width):
                 row = np.intp(rows[patch])
                 subtract_point(points, 3 * row, first, 3 * patch, nets, line + 3 * patch)
-        if normals is not None:
+        if has_normals:
             limit[:] = 0  # size of a patch: distances of its other corners from the first
             for along, across in ((3, 0), (0, 3), (3, 3)):
                 corner = net[along, across * _ROW :]
@@ -100,7 +102,9 @@ def evaluate(
             for lane in range(4 * _ROW):
                 p0, p1, p2, p3 = net[0, lane], net[1, lane], net[2, lane], net[3, lane]
                 lines[i, lane] = b0 * p0 + b1 * p1 + b2 * p2 + b3 * p3
-                if normals is not None:
+            if has_normals:
+                for lane in range(4 * _ROW):
+                    p0, p1, p2, p3 = net[0, lane], net[1, lane], net[2, lane], net[3, lane]
                     slopes[i, lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
         for j in range(steps):
             b0, b1, b2, b3 = curve[0, j, 0], curve[0, j, 1], curve[0, j, 2], curve[0, j, 3]
@@ -110,17 +114,19 @@ def evaluate(
                 for lane in range(_ROW):
                     p0, p1 = p[lane], p[lane + _ROW]
                     p2, p3 = p[lane + 2 * _ROW], p[lane + 3 * _ROW]
-                    q0, q1 = q[lane], q[lane + _ROW]
-                    q2, q3 = q[lane + 2 * _ROW], q[lane + 3 * _ROW]
                     # The origin is added last: the sum of the others is small and keeps its digits.
                     point[lane] = (b0 * p0 + b1 * p1 + b2 * p2 + b3 * p3) + origin[lane]
-                    if normals is not None:
-                        du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
-                        dv[lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
                 at = (j * steps + i) * count + start
                 write(positions, 3 * at, point, 3 * width, streamed)
-                if normals is None:
+                if not has_normals:
                     continue
+                for lane in range(_ROW):
+                    p0, p1 = p[lane], p[lane + _ROW]
+                    p2, p3 = p[lane + 2 * _ROW], p[lane + 3 * _ROW]
+                    q0, q1 = q[lane], q[lane + _ROW]
+                    q2, q3 = q[lane + 2 * _ROW], q[lane + 3 * _ROW]
+                    du[lane] = b0 * q0 + b1 * q1 + b2 * q2 + b3 * q3
+                    dv[lane] = d0 * p0 + d1 * p1 + d2 * p2 + d3 * p3
                 for patch in range(_GROUP):
                     ux, uy, uz = du[3 * patch], du[3 * patch + 1], du[3 * patch + 2]
                     vx, vy, vz = dv[3 * patch], dv[3 * patch + 1], dv[3 * patch + 2]
