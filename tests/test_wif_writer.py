@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_wif import BASE, REAL, changed, same, written
@@ -170,7 +170,7 @@ def check_round_trip_or_refusal(data):
         same(written(found), parse_wif(format_wif(found)))
 
 
-fuzz = settings(max_examples=400, deadline=None)
+fuzz = settings(max_examples=100, deadline=None)
 FULL = BASE + (
     "[WARP COLORS]\n1=2\n[WEFT SPACING]\n2=0.3\n[LIFTPLAN]\n1=1\n[TEXT]\nTitle=t\n"
     "[WARP THICKNESS]\n1=.05\n"
@@ -183,6 +183,9 @@ NASTY = [
 
 
 @fuzz
+@example(  # a section whose name begins with a bracket
+    data=FULL.encode(), changes=[(FULL.index("[LIFTPLAN"), 0, b"[")]
+)
 @given(
     st.sampled_from([FULL.encode(), FULL.replace("\n", "\r\n").encode("utf-8-sig")]),
     st.lists(

@@ -62,7 +62,8 @@ def format_wif(draft: Draft) -> bytes:
             "Developers=wif@mhsoft.com",
             "Source Program=spacemap_vtk",
         ],
-        "CONTENTS": [f"{name}=true" for name in sections],
+        # A line that begins with a bracket would be read as the title of another section.
+        "CONTENTS": [f"{name}=true" for name in sections if not name.startswith("[")],
     }
     blocks = (
         "\r\n".join([f"[{name}]", *lines, ""]) for name, lines in {**head, **sections}.items()
