@@ -109,7 +109,8 @@ def heard_signals() -> None:
     for name in ("SIGINT", "SIGHUP"):
         number = getattr(signal, name, None)
         if number and signal.getsignal(number) == signal.SIG_IGN:
-            signal.signal(number, lambda *_: None)
+            usual = signal.default_int_handler if name == "SIGINT" else lambda *_: None
+            signal.signal(number, usual)
 
 
 @pytest.fixture(autouse=True)
@@ -218,13 +219,15 @@ def freed_windows(app: Any) -> Iterator[Callable[[], Any]]:
     from PySide6.QtCore import QCoreApplication, QEvent
     from shiboken6 import isValid
 
+    from window import SIZE
+
     from spacemap_vtk.app.main_window import MainWindow
 
     opened: list[Any] = []
 
     def make() -> Any:
         opened.append(MainWindow())
-        opened[-1].resize(1200, 800)
+        opened[-1].resize(*SIZE)
         return opened[-1]
 
     yield make
