@@ -218,7 +218,6 @@ def freed_windows(app: Any) -> Iterator[Callable[[], Any]]:
     """Make windows as a person opens them; all are closed and freed."""
     from PySide6.QtCore import QCoreApplication, QEvent
     from shiboken6 import isValid
-
     from window import SIZE
 
     from spacemap_vtk.app.main_window import MainWindow

@@ -357,6 +357,7 @@ def test_surfaces_that_cross_themselves_or_branch(cache: Path) -> None:
     assert volume == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.nightly
 def test_parts_joined_only_by_an_edge_get_an_envelope(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

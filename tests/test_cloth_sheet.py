@@ -58,7 +58,11 @@ def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize(
     ("weave", "camera"),
-    [("satin", "front"), ("twill", "three-quarter"), ("plain", "three-quarter")],
+    [
+        ("satin", "front"),
+        ("twill", "three-quarter"),
+        pytest.param("plain", "three-quarter", marks=pytest.mark.nightly),
+    ],
 )
 def test_a_sheet_has_the_mean_colours_of_its_yarns(
     weave: str, camera: str, monkeypatch: pytest.MonkeyPatch
@@ -105,7 +109,7 @@ def test_a_sheet_shows_interpolated_arrays(
     assert picture.pieces is None
 
 
-@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("moves", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
     scene = Scene(
         {

@@ -151,7 +151,16 @@ def test_an_unknown_colouring_is_refused(capsys: pytest.CaptureFixture[str]) -> 
     assert all(name in message for name in COLORINGS)
 
 
-@pytest.mark.parametrize("size", [(770, 790), (380, 500), (800, 800), (1920, 1080), (640, 480)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        *((380, 500), (1920, 1080)),
+        *(
+            pytest.param(size, marks=pytest.mark.nightly)
+            for size in [(770, 790), (800, 800), (640, 480)]
+        ),
+    ],
+)
 @pytest.mark.parametrize(
     ("color", "unit", "span"),
     [

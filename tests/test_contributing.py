@@ -28,7 +28,10 @@ def apply(file: Path, diff: str) -> None:
     file.write_text(text.replace(before, after), "utf-8")
 
 
-@pytest.mark.parametrize("page", ["add_a_scene", "add_a_format", "add_a_stage"])
+@pytest.mark.parametrize(
+    "page",
+    ["add_a_scene", pytest.param("add_a_format", marks=pytest.mark.nightly), "add_a_stage"],
+)
 def test_a_guide_can_be_followed(page: str, tmp_path: Path) -> None:
     for part in ("spacemap_vtk", "scenes"):
         ignored = shutil.ignore_patterns("*.pyc.*")  # what others are just writing

@@ -215,7 +215,7 @@ def test_empty_drafts_are_refused() -> None:
 
 
 @given(st.sampled_from([".dtx", ".wpo", ".txt"]), st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_damaged_drafts_are_read_or_refused(ending: str, data: st.DataObject) -> None:
     whole = {".dtx": DTX.encode(), ".wpo": wpo(102, 17, 12), ".txt": b"1: 1,3\n2: 2,4\n3: -\n"}[
         ending

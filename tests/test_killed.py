@@ -12,7 +12,7 @@ import pytest
 @pytest.mark.parametrize(
     "words",
     [
-        ("4", "21", "a.vtu"),
+        ("2", "21", "a.vtu"),
         pytest.param(("300", "21"), marks=pytest.mark.nightly),
         pytest.param(("both",), marks=pytest.mark.nightly),
     ],

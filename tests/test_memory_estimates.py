@@ -48,8 +48,8 @@ CLEARANCE = {"color": "clearance"}
 @pytest.mark.parametrize(
     ("form", "yarns", "subdivisions", "times", "view"),
     [
-        ("whole", 120, 2, [], {}),
         ("whole", 10, "auto", [0.1], {"show": "side by side"}),
+        pytest.param("whole", 120, 2, [], {}, marks=pytest.mark.nightly),
         pytest.param("whole", 120, 2, [0.1, 0.2], {}, marks=pytest.mark.nightly),
         pytest.param("whole", 60, 4, [], CLEARANCE, marks=pytest.mark.nightly),
         pytest.param("whole", 60, "auto", [0.1], {"color": "velocity"}, marks=pytest.mark.nightly),

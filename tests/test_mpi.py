@@ -31,8 +31,7 @@ pytestmark = pytest.mark.skipif(
     reason="needs mpirun, pvbatch and xvfb-run: "
     "apt-get install openmpi-bin paraview python3-paraview xvfb xauth",
 )
-#: What three processes do, two do too.
-TWO = pytest.mark.nightly
+NIGHTLY = pytest.mark.nightly
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
 # Who waits lets others run: there may be fewer cores than processes.
 YIELDING = ["--mca", "mpi_yield_when_idle", "1"]
@@ -121,7 +120,7 @@ def ordered(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: values[rows] for name, values in arrays.items()}
 
 
-@pytest.mark.parametrize("processes", [pytest.param(2, marks=TWO), 3])
+@pytest.mark.parametrize("processes", [pytest.param(2, marks=NIGHTLY), 3])
 def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: Path) -> None:
     described = cases(tmp_path)
     file = tmp_path / "cases.json"
@@ -163,7 +162,7 @@ def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: 
 
 @pytest.mark.parametrize(
     ("processes", "yarns"),
-    [pytest.param(2, 16, marks=TWO), (3, 8), pytest.param(5, 2, marks=TWO)],
+    [(2, 4), pytest.param(3, 8, marks=NIGHTLY), pytest.param(5, 2, marks=NIGHTLY)],
     ids=["2", "3", "idle"],
 )
 def test_scripts_in_one_session(processes: int, yarns: int, tmp_path: Path) -> None:

@@ -213,7 +213,7 @@ def fill(disk: Path, room: int) -> None:
     [
         pytest.param("x.mp4", signal.SIGTERM, "", marks=pytest.mark.nightly),
         ("x.mp4", signal.SIGINT, "--workers 2"),
-        ("x%02d.png", signal.SIGINT, ""),
+        pytest.param("x%02d.png", signal.SIGINT, "", marks=pytest.mark.nightly),
     ],
 )
 def test_a_stopped_film_keeps_its_frames(

@@ -42,7 +42,7 @@ def change_a_lot(window: Any) -> None:
     document.set("view", "size", [200, 100])
 
 
-@pytest.mark.parametrize("start", ["gust", None])
+@pytest.mark.parametrize("start", ["gust", pytest.param(None, marks=pytest.mark.nightly)])
 def test_copied_command_draws_the_same_picture(
     open_scene: Any, tmp_path: Path, start: str | None
 ) -> None:

@@ -78,8 +78,15 @@ def find_yarns(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
     return mask, (shares[0], shares[1])
 
 
-@pytest.mark.parametrize("widths", [(300, 260, 640), (200, 900, 100)])
-@pytest.mark.parametrize("size", [(400, 300), (240, 480)])
+@pytest.mark.parametrize(
+    ("widths", "size"),
+    [
+        ((300, 260, 640), (400, 300)),
+        ((200, 900, 100), (240, 480)),
+        pytest.param((300, 260, 640), (240, 480), marks=pytest.mark.nightly),
+        pytest.param((200, 900, 100), (400, 300), marks=pytest.mark.nightly),
+    ],
+)
 def test_exported_picture_of_any_shape_is_filled(
     open_scene: Any, tmp_path: Path, widths: tuple[int, ...], size: tuple[int, int]
 ) -> None:
@@ -297,10 +304,10 @@ def test_film_without_an_encoder_is_neither_proposed_nor_started(
 @pytest.mark.parametrize(
     ("words", "ending", "cells"),
     [
-        ("Bézier patches", ".vtu", None),
         ("Cage with its motion", ".vtu", 125),
-        ("Surface", ".vtp", None),
         ("Surface", ".stl", None),
+        pytest.param("Bézier patches", ".vtu", None, marks=pytest.mark.nightly),
+        pytest.param("Surface", ".vtp", None, marks=pytest.mark.nightly),
     ],
 )
 def test_exported_data_belong_to_the_shown_time(
@@ -384,7 +391,12 @@ def test_failed_exports_are_reported(open_scene: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [("surface", "x.vtp"), ("picture", "x.png"), ("film", "x.mp4")]
+    ("kind", "name"),
+    [
+        ("surface", "x.vtp"),
+        ("film", "x.mp4"),
+        pytest.param("picture", "x.png", marks=pytest.mark.nightly),
+    ],
 )
 def test_full_disk_is_reported_and_the_old_file_stays(
     open_scene: Any, small_disk: Any, kind: str, name: str

@@ -189,7 +189,7 @@ def test_fewer_facets_are_drawn_while_the_camera_moves(
     assert [actor.GetVisibility() for actor in actors] == [1, 0]
 
 
-@pytest.mark.parametrize("way_back", ["untick", "undo"])
+@pytest.mark.parametrize("way_back", ["untick", pytest.param("undo", marks=pytest.mark.nightly)])
 def test_sheet_returns_to_rest_when_its_motion_is_removed(
     way_back: str, open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

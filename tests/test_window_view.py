@@ -30,14 +30,14 @@ def image(window: Any) -> np.ndarray:
     return window.view.image().astype(int)
 
 
-@pytest.mark.parametrize("name", ["fabric", "cage", "supports", "loads", "ghost"])
-def test_each_part_can_be_shown_and_hidden(open_scene: Any, name: str) -> None:
+def test_each_part_can_be_shown_and_hidden(open_scene: Any) -> None:
     window = open_scene()
     before = image(window)
-    window.tools.part_actions[name].trigger()
-    assert np.abs(image(window) - before).max() > 30
-    window.tools.part_actions[name].trigger()
-    assert np.abs(image(window) - before).max() < 8
+    for name in ("fabric", "cage", "supports", "loads", "ghost"):
+        window.tools.part_actions[name].trigger()
+        assert np.abs(image(window) - before).max() > 30, name
+        window.tools.part_actions[name].trigger()
+        assert np.abs(image(window) - before).max() < 8, name
 
 
 def test_patched_fxaa_shader_draws_the_same_pixels(
@@ -435,23 +435,22 @@ def test_narrow_tool_bar_keeps_all_tools_reachable(open_scene: Any) -> None:
     assert not stress.isChecked()
 
 
-@pytest.mark.parametrize("size", [(1280, 720), (1260, 660), (1372, 800), (1600, 900)])
-def test_all_tabs_and_tools_are_visible(size: tuple[int, int], open_window: Any) -> None:
+def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
     """A screen of 1280 x 720 pixels, or one of twice that at scale 2; its windows are smaller."""
     window = open_window()
-    window.resize(*size)
-    wait_until(lambda: window.width() == size[0])
-    QTest.qWait(50)
-    bar = window.tabs.tabBar()
-    for number in range(bar.count()):
-        place = bar.tabRect(number)
-        text = bar.fontMetrics().horizontalAdvance(bar.tabText(number))
-        assert bar.rect().contains(place), bar.tabText(number)
-        assert text <= place.width(), bar.tabText(number)
-    tools = window.tools
-    for action in tools.actions():
-        assert tools.widgetForAction(action).isVisible(), action.text()
-    assert not tools.findChild(QToolButton, "qt_toolbar_ext_button").isVisible()
+    bar, tools = window.tabs.tabBar(), window.tools
+    for width, height in ((1280, 720), (1260, 660), (1372, 800), (1600, 900)):
+        window.resize(width, height)
+        wait_until(lambda: window.width() == width)  # noqa: B023
+        QTest.qWait(50)
+        for number in range(bar.count()):
+            place = bar.tabRect(number)
+            text = bar.fontMetrics().horizontalAdvance(bar.tabText(number))
+            assert bar.rect().contains(place), (width, bar.tabText(number))
+            assert text <= place.width(), (width, bar.tabText(number))
+        for action in tools.actions():
+            assert tools.widgetForAction(action).isVisible(), (width, action.text())
+        assert not tools.findChild(QToolButton, "qt_toolbar_ext_button").isVisible()
 
 
 def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
