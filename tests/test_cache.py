@@ -283,11 +283,15 @@ def test_killed_process_leaves_no_partial_entry(place):
     program = "import numpy as np\nfrom spacemap_vtk import cache\n"
     program += "while True: cache.store('entry', a=np.zeros(10**7))"
     with subprocess.Popen([sys.executable, "-c", program]) as process:
-        end = time.monotonic() + 30
-        while not list(place.glob(".spacemap-*/entry.npz")):
-            assert time.monotonic() < end
-        process.terminate()
-        assert process.wait(20) in (143, -signal.SIGTERM)
+        try:
+            end = time.monotonic() + 300
+            while not list(place.glob(".spacemap-*/entry.npz")):
+                assert time.monotonic() < end
+                time.sleep(0.001)
+            process.terminate()
+            assert process.wait(60) in (143, -signal.SIGTERM)
+        finally:
+            process.kill()
     assert [path.suffix for path in place.glob("*")] in ([], [".npz"])
 
 

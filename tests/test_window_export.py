@@ -442,12 +442,15 @@ def test_terminated_window_leaves_no_partial_file(tmp_path: Path) -> None:
     target = tmp_path / "film.mp4"
     target.write_bytes(b"what was there")
     with subprocess.Popen([sys.executable, "-c", _ENDED, str(target)]) as process:
-        end = time.monotonic() + 60
-        while not list(tmp_path.glob(".spacemap-*/film.mp4")):
-            assert time.monotonic() < end
-            time.sleep(0.1)
-        process.terminate()
-        assert process.wait(20) == 143
+        try:
+            end = time.monotonic() + 300
+            while not list(tmp_path.glob(".spacemap-*/film.mp4")):
+                assert time.monotonic() < end
+                time.sleep(0.1)
+            process.terminate()
+            assert process.wait(60) == 143
+        finally:
+            process.kill()  # otherwise a failed test would wait for the window to be closed
     assert [(path, path.read_bytes()) for path in tmp_path.iterdir()] == [
         (target, b"what was there")
     ]
