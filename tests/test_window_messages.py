@@ -43,17 +43,17 @@ def test_messages_stay_while_playing(
     window.stages.select("weave")
     line = window.properties.rows["warp_diameter"].editor.line
     type_into(line, "wide")
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert "wide" in window.errors.text
     type_into(line, "0.24 mm")
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert window.errors.text == ""
     # An invalid time, until a valid one is typed.
     type_into(window.times.line, "soon")
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert "soon" in window.errors.text
     window.document.set("view", "ghost", True)
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert "soon" in window.errors.text
     type_into(window.times.line, "10 ms")
     assert window.errors.text == ""
@@ -62,13 +62,13 @@ def test_messages_stay_while_playing(
     names = [tmp_path / "no" / "scene.toml", tmp_path / "scene.toml"]
     window.menus.actions["Save as…"].trigger()
     window.document.set("view", "ghost", None)
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert "could not be written" in window.errors.text
     window.menus.actions["Save as…"].trigger()
     assert window.errors.text == ""
     # An export, likewise.
     window.exports.start("cage", tmp_path / "no" / "cage.vtu")
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert "does not exist" in window.errors.text
     window.exports.start("cage", tmp_path / "cage.vtu")
     wait_until(lambda: (tmp_path / "cage.vtu").exists() and not window.exports.busy)
@@ -76,7 +76,7 @@ def test_messages_stay_while_playing(
     # A message that the user has closed stays closed.
     window.exports.start("cage", tmp_path / "no" / "cage.vtu")
     window.errors.findChild(QToolButton).click()
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert window.errors.text == ""
     assert window.times.playing
 
@@ -90,7 +90,7 @@ def test_frame_of_the_motion_clears_a_run_error_and_a_mode_does_not(open_scene: 
     # A mode needs no damping, so its frames do not clear the error.
     window.tabs.setCurrentWidget(window.modes)
     window.modes.table.cellClicked.emit(1, 0)
-    frames_drawn(window, 5)
+    frames_drawn(window, 2)
     assert "damping_ratio" in window.errors.text
     assert window.stages.states["response"] == "failed"
     window.modes.stop()

@@ -455,6 +455,7 @@ def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
 
 def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
+    window.resize(1200, 800)
     view, stage = window.view, scene_of(window).surface
     view.zoom(0.3)
     wait_until(

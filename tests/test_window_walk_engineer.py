@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from window import (
+    enlarge_for_pictures,
     keep_picture,
     require_display,
     settled,
@@ -28,7 +29,7 @@ def test_engineer_designs_a_twill(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None, wait=False)
-    window.resize(1440, 900)
+    enlarge_for_pictures(window)
 
     # 1. A new fabric.
     qtbot.mouseClick(window.gallery.new_button, LEFT)

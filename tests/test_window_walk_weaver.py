@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window import keep_picture, require_display, scene_of, settled, turn_wheel, wait_until
+from window import (
+    enlarge_for_pictures,
+    keep_picture,
+    require_display,
+    scene_of,
+    settled,
+    turn_wheel,
+    wait_until,
+)
 
 require_display()
 
@@ -26,7 +34,7 @@ def test_weaver_corrects_a_draft(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_window(None, wait=False)
-    window.resize(1440, 900)
+    enlarge_for_pictures(window)
     draft = window.draft
 
     def click(panel: str, across: int, up: int) -> None:

@@ -217,6 +217,12 @@ def wait_written(window: Any, file: Path) -> None:
     assert window.errors.text == ""
 
 
+def enlarge_for_pictures(window: Any) -> None:
+    """Resize a window to the size of the tutorials' pictures, if they are saved."""
+    if "SPACEMAP_WALKS" in os.environ:
+        window.resize(1440, 900)
+
+
 def keep_picture(window: Any, name: str) -> None:
     """Save a screenshot of a window in the folder SPACEMAP_WALKS.
 

@@ -40,7 +40,9 @@ def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None 
     window.director.drawn.connect(_preload_eigensolver, Qt.ConnectionType.SingleShotConnection)
     # An idle Qt event loop runs no Python code, so Ctrl-C would have no effect until the next
     # click. The timer lets Python handle signals.
-    signal.signal(signal.SIGINT, lambda *_: window.close())
+    # It does not close the window itself: while a question about unsaved changes is open, the timer
+    # would not fire again, and no further signal would be heard.
+    signal.signal(signal.SIGINT, lambda *_: QTimer.singleShot(0, window.close))
     ended: list[int] = []
 
     def end(number: int, _frame: object) -> None:
