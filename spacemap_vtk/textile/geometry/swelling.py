@@ -114,9 +114,9 @@ def float_widening(cloth: Cloth, number: int) -> tuple[Floats, float]:
 
 def swollen_changes(aspect: float, exact: bool, widest: float) -> tuple[Floats, Floats]:
     """Compute the changes of a lens' control points for full swelling."""
-    # Lateral and normal, (4, 12) each, for a half height of 1: changes without widening and those of
-    # the largest widening, where the outer side is above; the same where it is below. Any share of
-    # them keeps the contact face inside the circle of contact, because chords lie inside a circle.
+    # Lateral and normal, (4, 12) each, for a half height of 1: changes without widening, and those
+    # of the largest widening, where the outer side is above; the same where it is below. Any share
+    # of them keeps the contact face inside the circle of contact, because chords lie inside it.
     weight = float(rational_handles(edge_angle(aspect))[1]) if exact else 1.0
     # The largest width must leave an edge on the circle of contact.
     most = max(min(widest * aspect, _STEEPEST * 2.0 * face_radius(aspect)), aspect)
