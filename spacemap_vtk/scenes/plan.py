@@ -290,18 +290,22 @@ def _densities(cloth: Cloth, family: int, count: int, named: Sequence[Yarn]) -> 
 
 def _take_ups(unit: _Unit, assumed: list[str]) -> tuple[Floats, ...]:
     """Return the take-up of each yarn of the draft: its crimp, floats included."""
-    found = _crimps(unit.cloth, unit.size)
+    drawn = _crimps(unit.cloth, unit.size)
+    found, text = drawn, "take-up: crimp of the cloth as it is drawn"
+    if any(threads.aspect > 1.0 for threads in unit.cloth.threads):
+        # On the loom yarns are rounder than in the finished cloth, and too short a warp is the
+        # costlier mistake.
+        round_ones = _crimps(_with_round_yarns(unit), unit.size)
+        if not isinstance(round_ones, GeometryError):
+            found, text = round_ones, "take-up: crimp of round yarns of the same size"
+            if not isinstance(drawn, GeometryError):
+                warp, weft = (f"{100 * each.mean():.1f} %" for each in drawn)
+                text += f"; flattened as drawn they would take up {warp} (warp), {weft} (weft)"
     if isinstance(found, GeometryError):
         assumed.append(
             f"take-up {100 * _UNKNOWN_TAKE_UP:g} %, because the yarns do not fit: {found.message}"
         )
         return tuple(np.full(count, _UNKNOWN_TAKE_UP) for count in unit.size)
-    text = "take-up: crimp of the cloth as it is drawn"
-    if any(threads.aspect > 1.0 for threads in unit.cloth.threads):
-        round_ones = _crimps(_with_round_yarns(unit), unit.size)
-        if not isinstance(round_ones, GeometryError):
-            warp, weft = (f"{100 * each.mean():.1f} %" for each in round_ones)
-            text += f", with flattened yarns; round ones would take up {warp} (warp), {weft} (weft)"
     assumed.append(f"{text}. A sample tells more")
     return found
 
