@@ -168,13 +168,13 @@ def _draw_yarns(page: Page, box: Box, content: DraftContent) -> float:
     """List the yarns with swatch, letter, and the numbers of their ends and picks."""
     y = box.top
     ends, picks = content.color_numbers
-    has_colors = any(threads.colors is not None for threads in content.threads)
-    page.write(
-        box.left,
-        y + 0.75 * ROW,
-        "Yarns" if has_colors else "Yarns (no colours in the draft)",
-        color=FAINT,
-    )
+    uncolored = [
+        name
+        for name, threads in zip(("warp", "weft"), content.threads, strict=True)
+        if threads.colors is None
+    ]
+    label = f"Yarns (the draft has no colours for the {' and '.join(uncolored)})"
+    page.write(box.left, y + 0.75 * ROW, label if uncolored else "Yarns", color=FAINT)
     y += ROW
     for number, color in enumerate(content.color_table[:_MOST_YARNS]):
         page.fill([(box.left, y + 0.4, 7.0, ROW - 0.8)], color / 255.0)
