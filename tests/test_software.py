@@ -32,13 +32,13 @@ SWING: dict[str, Any] = {
 #: What each view differs in from the usual one, and by how much pictures of it may differ in the
 #: mean, in levels of 255: thin lines and letters are smoothed by OpenGL in its own way.
 VIEWS: dict[str, tuple[dict[str, Any], float]] = {
-    "fibres and soft shadows": ({"show": "fabric"}, 0.1),
+    "fibres and soft shadows": ({"show": "fabric"}, 0.15),
     "near": ({"show": "fabric", "zoom": 4.0}, 0.2),
-    "the face, flat": ({"show": "fabric", "camera": "face"}, 0.1),
+    "the face, flat": ({"show": "fabric", "camera": "face"}, 0.15),
     "outlines": ({"show": "fabric", "style": "paper"}, 0.3),
     "tinted": ({"show": "fabric", "style": "blueprint"}, 0.5),
     "numbers": ({"show": "fabric", "color": "displacement"}, 1.0),
-    "families": ({"show": "fabric", "color": "family"}, 0.1),
+    "families": ({"show": "fabric", "color": "family"}, 0.15),
     "cut open": ({"show": "fabric", "clip_normal": (1.0, 0.0, 0.0)}, 0.1),
     "a cage": ({"show": "cage"}, 1.0),
     "a cage over its fabric": ({"show": "both"}, 1.5),

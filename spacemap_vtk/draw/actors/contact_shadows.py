@@ -17,6 +17,10 @@ from spacemap_vtk.ndarrays import Bools, Floats, Singles
 
 #: Radius of the surroundings in yarn diameters, and largest darkening by it, for two radii.
 SCALES = ((0.35, 0.55), (1.0, 0.5))
+#: Distances behind the surroundings, in yarn diameters, at which shadows begin and end to fade,
+#: and the share that fades.
+_FLAP = (0.8, 3.0)
+_FLAP_SHARE = 0.6
 #: Least factor by which the resolution is reduced before blurring: a blurred image has no detail.
 _COARSER = 4
 #: The factor is doubled as long as the blur radius keeps at least this many pixels.
@@ -61,9 +65,20 @@ def contact_shadows(
         for tall, factor, slope, least in shades:
             shade = _upsample(tall[rows], factor, width)
             shade -= slope * filled[rows]
-            part *= np.clip(shade, least, np.float32(1.0), out=shade)
+            # A pixel far behind its surroundings is behind the edge of a flap, which is no fold.
+            behind = (np.float32(1.0) - shade) / (slope * np.float32(diameter))
+            np.clip(shade, least, np.float32(1.0), out=shade)
+            shade += _faded(behind) * (np.float32(1.0) - shade)
+            part *= shade
         part[~covered[rows]] = 1.0
     return light
+
+
+def _faded(behind: Singles) -> Singles:
+    """Return the share by which shadows fade at distances behind an edge, in yarn diameters."""
+    begin, end = _FLAP
+    share = np.clip((behind - np.float32(begin)) / np.float32(end - begin), 0.0, 1.0)
+    return np.asarray(np.float32(_FLAP_SHARE) * share * share * (3.0 - 2.0 * share), np.float32)
 
 
 def covered_part(covered: Bools, diameter_pixels: float) -> tuple[slice, slice] | None:

@@ -45,8 +45,6 @@ class ClothExposure:
     """
 
     def __init__(self, cloth: Cloth) -> None:
-        from scipy.ndimage import gaussian_filter  # imported here: it takes a tenth of a second
-
         count = int(min(_SAMPLES, max(2, sqrt(_MOST_SAMPLES / cloth.drawdown.size))))
         self._lines, height = [], 0.5 * cloth.diameter_sum
         for yarns, family in zip(cloth.yarns, cloth.families, strict=True):
@@ -65,9 +63,9 @@ class ClothExposure:
         for radius, slope, most in SCALES:
             sigma = [radius * height / step for step in steps]
             self._scales.append((slope / (radius * height), 1.0 - most))
-            weight = gaussian_filter(covered.astype(np.float32), sigma)
+            weight = _blur(covered.astype(np.float32), sigma)
             np.maximum(weight, np.float32(1e-3), out=weight)
-            self._means.append([gaussian_filter(face, sigma) / weight for face in faces])
+            self._means.append([_blur(face, sigma) / weight for face in faces])
 
     def at(self, places: AnyFloats, face: AnyFloats, facet: AnyFloats) -> Singles:
         """Compute the exposure of places on yarns.
@@ -88,8 +86,6 @@ class ClothExposure:
             Near 0 in deep gaps, and 1 or more on free crowns: to be limited to 1 after it is
             interpolated. So the mean over wide facets is that over narrow ones.
         """
-        from scipy.ndimage import map_coordinates
-
         index = np.stack(
             [
                 (places[:, axis] - line[0]) / (line[1] - line[0])
@@ -103,14 +99,39 @@ class ClothExposure:
         height = places[:, 2] + _BULGE * self._half_height * facet**3 * face
         exposure = np.ones(len(places))
         for (slope, least), means in zip(self._scales, self._means, strict=True):
-            above, below = (
-                map_coordinates(mean, index, order=1, mode="nearest", output=np.float64)
-                for mean in means
-            )
+            above, below = (_interpolate(mean, index) for mean in means)
             depth = upper * (above - height) + (1.0 - upper) * (below + height)
             exposure *= np.maximum(1.0 - slope * depth, least)
         exposure[cut] = 1.0
         return exposure.astype(np.float32)
+
+
+def _blur(image: Singles, sigmas: list[float]) -> Singles:
+    """Blur an image with zeros around it by a Gaussian that is cut off at 2.5 sigma."""
+    for sigma in sigmas:  # one axis after the other: the image is transposed twice
+        radius = max(1, int(2.5 * sigma + 0.5))
+        weights = np.exp(-0.5 / sigma**2 * np.arange(-radius, radius + 1) ** 2)
+        weights /= weights.sum()
+        wide = np.pad(image, ((radius, radius), (0, 0)))
+        total = np.zeros_like(image)
+        for first, weight in enumerate(weights):
+            total += np.float32(weight) * wide[first : first + len(image)]
+        image = np.ascontiguousarray(total.T)
+    return image
+
+
+def _interpolate(image: Singles, index: Floats) -> Floats:
+    """Interpolate an image bilinearly at (2, N) positions in it."""
+    last = np.array(image.shape)[:, None] - 1
+    index = np.clip(index, 0.0, last)
+    low = np.minimum(index.astype(np.int64), last - 1)
+    (right, up), (row, column) = index - low, low
+    flat, place = image.ravel(), row * image.shape[1] + column
+    one, other = (
+        (1.0 - up) * flat[place + step] + up * flat[place + step + 1]
+        for step in (0, image.shape[1])
+    )
+    return np.asarray((1.0 - right) * one + right * other)
 
 
 def _face_heights(cloth: Cloth, lines: list[Floats]) -> tuple[Singles, Singles]:
