@@ -235,7 +235,7 @@ def test_the_number_of_facets_follows_the_picture() -> None:
         for count, fits in ((sides, True), (sides - 1, False)):
             if count:
                 bulge = 0.5 * pixels * (1.0 - math.cos(math.pi / 4 / count))
-                assert (bulge <= 0.3) is fits, (pixels, count)
+                assert (bulge <= 0.19) is fits, (pixels, count)
     assert sides_for_pixels(1e6) == 12
 
 

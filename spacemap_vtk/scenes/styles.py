@@ -53,7 +53,8 @@ class Style:
     gloss_power: float = 8.0
     #: Light on protruding fibres at a yarn's rim.
     sheen: float = 0.0
-    #: Displayed value from which brighter ones approach 1 without reaching it; 1: none do.
+    #: Displayed value of white from which brighter ones are compressed, so that none reaches 1; 1:
+    #: none is.
     knee: float = 1.0
     #: How much surfaces darken that face away from the camera, the same for all colours.
     facing: float = 0.0

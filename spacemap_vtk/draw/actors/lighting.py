@@ -25,6 +25,8 @@ _MAX_LAMPS = 3
 LOOK_ATTRIBUTE = "lookMC"
 
 #: GLSL functions that light a surface; `lighting_code` puts the constants before them.
+#: Displayed value that white approaches where a style has a knee: it leaves room for bright fibres.
+WHITEST = 0.92
 #: Share of the light that is hidden where a contact shadow has become visible.
 SOFT = 0.05
 #: Share of the light from the walls of a gap that reaches its other walls.
@@ -40,6 +42,11 @@ vec4 reflectedLight(vec3 n, vec3 eye)
   received += max(dot(n, towards2) + wrap, 0.0) * lamp2;
   float front = max(dot(n, eye), 0.0), aside = 1.0 - front, away = max(1.0 - front / 0.75, 0.0);
   received *= 1.0 - facing * away * away;
+  // White surfaces keep their shades: they stay below 1. Because this is a matter of the light and
+  // not of the colour, the light of several yarns is still that of their mean colour.
+  float most = sqrt(max(max(received.r, received.g), received.b)), room = WHITEST - knee;
+  float least = room > 0.0 && most > knee ? knee + room * tanh((most - knee) / room) : most;
+  received *= least * least / max(most * most, 1e-6);
   float rim = sheen * aside * aside * aside;
   float white = gloss * pow(max(dot(n, halfway), 0.0), glossPower) + rim * received.g;
   // What is reflected white is not reflected in colour.
@@ -68,11 +75,7 @@ vec3 styleColor(vec3 hue)
 vec3 visibleColor(vec3 hue, vec4 light, float line)
 {
   vec3 base = styleColor(hue);
-  vec3 shown = sqrt(base * base * light.rgb + light.a * mix(vec3(1.0), base, 0.4));
-  // Bright colours keep their hue and their shades: what would be above 1 stays below it.
-  float most = max(max(shown.r, shown.g), shown.b), room = 1.0 - knee;
-  if (most > knee && room > 0.0) shown *= (knee + room * tanh((most - knee) / room)) / most;
-  return mix(shown, ink, line);
+  return mix(sqrt(base * base * light.rgb + light.a * mix(vec3(1.0), base, 0.4)), ink, line);
 }
 """
 
@@ -109,7 +112,7 @@ def lighting_code(style: Style, pixels_per_point: float = 1.0) -> str:
         x, y, z = map(float, triple)
         lines.append(f"const vec3 {key} = vec3({x!r}, {y!r}, {z!r});")
     lines += [f"const float {key} = {float(value)!r};" for key, value in numbers.items()]
-    lines.append(f"const float BOUNCE = {BOUNCE!r}, SOFT = {SOFT!r};")
+    lines.append(f"const float BOUNCE = {BOUNCE!r}, SOFT = {SOFT!r}, WHITEST = {WHITEST!r};")
     return "\n".join(["", *lines, _FUNCTIONS])
 
 
@@ -228,7 +231,7 @@ vec2 fibresAt(vec3 strands, float width) {{
       float fade = 97.0 * t * t + (0.17 + 0.3 * t) * strands.z;
       float strength = visible * abs(2.0 * fract(fade) - 1.0);
       tilt += (size == 0 ? 0.5 : 0.85) * strength * side * (1.0 - square);
-      light *= 1.0 + strength * (0.16 * t - 0.05 - 0.10 * square * square);
+      light *= 1.0 + strength * (0.12 * t - 0.03 - 0.10 * square * square);
     }}
   }}
   return vec2(tilt, light);

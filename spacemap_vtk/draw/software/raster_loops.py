@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.draw.actors.lighting import BOUNCE, SOFT
+from spacemap_vtk.draw.actors.lighting import BOUNCE, SOFT, WHITEST
 from spacemap_vtk.ndarrays import Floats, Singles
 from spacemap_vtk.parallel import compile_function
 
@@ -169,6 +169,11 @@ def reflected_light(triples: Floats, numbers: Floats, n: Any, eye: Any) -> Any:
     aside, away = 1.0 - front, max(1.0 - front / 0.75, 0.0)
     facing_factor = 1.0 - facing * away * away
     red, green, blue = red * facing_factor, green * facing_factor, blue * facing_factor
+    knee = numbers[9]
+    room, most = WHITEST - knee, math.sqrt(max(red, green, blue))
+    if room > 0.0 and most > knee:
+        scale = ((knee + room * math.tanh((most - knee) / room)) / most) ** 2
+        red, green, blue = red * scale, green * scale, blue * scale
     white = gloss * max(_dot(n, triples[8]), 0.0) ** power if gloss > 0.0 else 0.0
     rim = sheen * aside * aside * aside
     white += rim * green
@@ -192,19 +197,13 @@ def visible_color(
     triples: Floats, numbers: Floats, hue: Any, light: Any, line: float, out: Any
 ) -> None:
     """Write the visible colour of a hue under a light; `line` is the coverage by an outline."""
-    colored, knee = numbers[5], numbers[9]
-    room, most = 1.0 - knee, 0.0
+    colored = numbers[5]
     grey = 0.299 * hue[0] + 0.587 * hue[1] + 0.114 * hue[2]
     for k in range(3):
         tint = triples[9, k] + (triples[10, k] - triples[9, k]) * grey
         base = tint + (hue[k] - tint) * colored
-        out[k] = math.sqrt(max(base * base * light[k] + light[3] * (1.0 + 0.4 * (base - 1.0)), 0.0))
-        most = max(most, out[k])
-    scale = 1.0
-    if most > knee and room > 0.0:
-        scale = (knee + room * math.tanh((most - knee) / room)) / most
-    for k in range(3):
-        out[k] = scale * out[k] + (triples[11, k] - scale * out[k]) * line
+        shown = math.sqrt(max(base * base * light[k] + light[3] * (1.0 + 0.4 * (base - 1.0)), 0.0))
+        out[k] = shown + (triples[11, k] - shown) * line
 
 
 @compile_function
@@ -233,7 +232,7 @@ def _tilt_by_fibres(normal: Any, strands: Any, across: Any, down: Any, here: Any
             phase = 97.0 * tone * tone + (0.17 + 0.3 * tone) * strands[2]
             strength = shown * abs(2.0 * (phase - math.floor(phase)) - 1.0)
             tilt += (0.5 if size == 0 else 0.85) * strength * side * (1.0 - square)
-            light *= 1.0 + strength * (0.16 * tone - 0.05 - 0.10 * square * square)
+            light *= 1.0 + strength * (0.12 * tone - 0.03 - 0.10 * square * square)
     bent = _tilt(normal, tilt, dx, dy, right, up)
     dx, dy = across[1][1] - strands[1], down[1][1] - strands[1]
     width = abs(dx) + abs(dy)
