@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from window import require_display, settled, wait_until
+from window import WIDE, require_display, settled, wait_until
 
 require_display()
 
@@ -88,6 +88,7 @@ def test_click_on_an_axis_looks_along_it(open_scene: Any) -> None:
 
 def test_turntable_keeps_the_up_axis(open_scene: Any) -> None:
     window = open_scene()
+    window.resize(*WIDE)
     widget, camera = window.view.canvas, window.view.canvas.camera
     # From the side and from above, each drag would roll a trackball.
     for name in ("right", "top"):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from window import require_display, scene_of, settled, wait_until
+from window import WIDE, require_display, scene_of, settled, wait_until
 
 require_display()
 
@@ -155,7 +155,7 @@ def test_masses_of_former_modes_are_grey(open_scene: Any) -> None:
 # Wide, as at the start, and as narrow as possible.
 def test_table_of_modes_fills_its_width(open_scene: Any) -> None:
     window = open_scene()
-    window.resize(1200, 800)
+    window.resize(*WIDE)
     window.tabs.setCurrentWidget(window.modes)
     table = window.modes.table
     for width, diameter in ((510, "0.2 mm"), (360, "0.21 mm"), (1, "0.19 mm")):

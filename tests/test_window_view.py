@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from scipy.ndimage import binary_erosion
-from window import require_display, scene_of, settled, type_into, wait_until
+from window import WIDE, require_display, scene_of, settled, type_into, wait_until
 
 require_display()
 
@@ -455,7 +455,7 @@ def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
 
 def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
-    window.resize(1200, 800)
+    window.resize(*WIDE)
     view, stage = window.view, scene_of(window).surface
     view.zoom(0.3)
     wait_until(
@@ -497,7 +497,7 @@ def test_text_about_a_picked_point_stays_when_the_camera_moves(open_scene: Any) 
     window = open_scene("twill_2_2")
     view = window.view
     window.tools.cameras["front"].trigger()
-    view.click(QPointF(view.canvas.width() / 2, view.canvas.height() / 2))
+    view.click(QPointF(view.canvas.width() / 2, view.canvas.height() / 2))  # still in motion
     (picked,) = view.picks
     assert window.status_text.full_text == picked.text
     view.zoom(20.0)
@@ -511,6 +511,7 @@ def test_view_and_exported_picture_have_the_same_fibres(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene("twill_2_2")
+    window.resize(*WIDE)
     view = window.view
     for name in ("triad", "scale_bar"):
         window.tools.part_actions[name].trigger()

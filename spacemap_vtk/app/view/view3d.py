@@ -494,9 +494,14 @@ class View3D(QWidget):
         if cloth is not None and self.frame.yarns is not None:
             surface = self.frame.yarns
         actors = self.scene_view.surface, self.scene_view.sheet
-        picker.AddPickList(actors[surface is self.frame.surface and cloth is not None])
-        height = self.canvas.height()
-        if not picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.canvas.renderer):
+        actor = actors[surface is self.frame.surface and cloth is not None]
+        picker.AddPickList(actor)
+        height, is_shown = self.canvas.height(), actor.GetVisibility()
+        # Nothing hidden is picked; while the camera moves, the preview is shown in its place.
+        actor.SetVisibility(is_shown or self.scene_view.preview.GetVisibility())
+        found = picker.Pick(x * ratio, (height - 1 - y) * ratio, 0, self.canvas.renderer)
+        actor.SetVisibility(is_shown)
+        if not found:
             return None
         cell, point = picker.GetCellId(), picker.GetPointId()
         if cell < 0 or point < 0:
