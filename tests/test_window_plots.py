@@ -293,7 +293,7 @@ def test_titles_and_legends_do_not_overlap(plots_of: Any, qtbot: Any) -> None:
     for points in (1, 3):  # the tip, and picked points
         if points > 1:
             pick(qtbot, window, points)
-        for size in ((1440, 800), (1440, 915), (1590, 980), (1200, 700), (1100, 700)):
+        for size in ((1590, 980), (1440, 800), (1100, 700)):
             window.resize(*size)
             wait_until(lambda: settled(window))
             canvas.grab()  # draws if a drawing is pending
