@@ -184,9 +184,9 @@ def test_client_and_server_work(server: tuple[int, str], tmp_path: Path) -> None
 
 
 PIPELINES = ROOT / "pipelines" / "paraview"
-#: The last one also runs in three processes, in the tests of MPI.
+#: The first one also runs in a batch below, the last one in several processes in the tests of MPI.
 ALONE = [
-    ("plain_weave", "pvpython", 0.05),
+    pytest.param("plain_weave", "pvpython", 0.05, marks=pytest.mark.nightly),
     pytest.param("cloth_over_ranks", "pvbatch", 0.03, marks=pytest.mark.nightly),
 ]
 
@@ -217,7 +217,7 @@ def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_pat
 
 
 def test_pipeline_scripts_in_one_batch(tmp_path: Path) -> None:
-    names = {script.stem for script in PIPELINES.glob("*.py")} - {"plain_weave", "cloth_over_ranks"}
+    names = {script.stem for script in PIPELINES.glob("*.py")} - {"cloth_over_ranks"}
     files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in sorted(names)}
     words = [f"{script}={file}.png" for script, file in files.items()]
     run(SCRIPTS / "session.py", tmp_path / "reported.json", *words, program="pvbatch")
