@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.draft_print.chart import interlacing_edges, merge_cells
 from spacemap_vtk.draw.draft_print.groups import Groups
+from spacemap_vtk.draw.draft_print.paper import word_width, wrap_words
 from spacemap_vtk.draw.draft_print.settings import PrintSettings, local_paper
 from spacemap_vtk.draw.draft_print.sheet import MOST_PAGES, DraftSheet
 from spacemap_vtk.errors import InputError
@@ -381,6 +382,13 @@ def test_every_kind_of_draft_is_printed(draft: Draft, words: list[str], tmp_path
         found += " ".join(page.texts)
     for word in words:
         assert word in found
+
+
+@given(st.lists(st.text("abiWM界", min_size=1, max_size=60), min_size=1, max_size=6))
+def test_text_is_wrapped_without_loss(words: list[str]) -> None:
+    lines = wrap_words(words, 30.0)
+    assert "".join(lines).replace(" ", "") == "".join(words)
+    assert all(word_width(line) <= 30.5 for line in lines)
 
 
 def test_scenes_that_are_not_woven_are_refused(

@@ -59,6 +59,8 @@ class _Axis:
     cell: float
     #: Whether thread numbers fall along the axis.
     falls: bool
+    #: Number of the thread before thread 0.
+    offset: int = 0
 
     @property
     def count(self) -> int:
@@ -130,10 +132,15 @@ class _ChartPainter:
         self.has_loom = chart.face and content.shows_loom
         self.top = top
         # The reverse is seen after the cloth is turned over, about an axis along the warp.
-        self.x = _axis(chart.ends, content.size[0], left, cell, falls=style.from_top == chart.face)
-        self.y = _axis(
-            chart.picks, content.size[1], top + above + shafts * cell, cell, not style.from_top
-        )
+        drawn = [
+            drawn_band(band, count)
+            for band, count in zip((chart.ends, chart.picks), content.size, strict=True)
+        ]
+        offsets = content.first[0] - 1, content.first[1] - 1
+        falls = style.from_top == chart.face
+        self.x = _Axis(chart.ends, drawn[0], left, cell, falls, offsets[0])
+        cloth_top = top + above + shafts * cell
+        self.y = _Axis(chart.picks, drawn[1], cloth_top, cell, not style.from_top, offsets[1])
         self.threading_top = top + STRIP + STRIP_GAP
         self.treadling_left = self.x.end + NUMBERS_WIDTH
         self.mono = style.mono or (
@@ -144,11 +151,10 @@ class _ChartPainter:
         """Draw everything; return what it covers."""
         cell = self.chart.cell
         columns = self.content.columns if self.has_loom else 0
-        strip_left = self.treadling_left + columns * cell + (STRIP_GAP if columns else 0.0)
-        if not columns:
-            strip_left = self.x.end + NUMBERS_WIDTH
+        strip_left = self.treadling_left + columns * cell + STRIP_GAP
         self._draw_drawdown()
-        self._draw_grid(self.x, self.y)
+        # Between yarns in colour, their sides are drawn.
+        self._draw_grid(self.x, self.y, fine=self.mono)
         if self.has_loom:
             self._draw_loom()
         self._draw_strips(strip_left)
@@ -181,21 +187,18 @@ class _ChartPainter:
         boxes[:, :2] += corner
         return boxes
 
-    def _draw_grid(self, x: _Axis, y: _Axis) -> None:
+    def _draw_grid(self, x: _Axis, y: _Axis, fine: bool = True) -> None:
         """Draw the lines between cells, heavier after groups of threads or shafts."""
         lines: list[list[Any]] = [[], [], []]
         for axis, across in ((x, y), (y, x)):
-            first = self.content.first[0 if axis is self.x else 1] - 1
-            if axis is not self.x and axis is not self.y:
-                first = 0
             for thread in range(axis.drawn[0], axis.drawn[1] + 1):
-                number = first + thread
+                number = axis.offset + thread
                 weight = (number % GROUP == 0) + (number % (2 * GROUP) == 0)
                 place = axis.place(thread)
                 ends = (place, across.origin), (place, across.end)
                 lines[weight].append(ends if axis is x else [point[::-1] for point in ends])
         for weight, width in enumerate(_LINES):
-            if weight or self.mono or x is not self.x or y is not self.y:
+            if weight or fine:
                 self.page.draw_lines(lines[weight], width, FAINT)
 
     def _draw_loom(self) -> None:
@@ -356,11 +359,11 @@ class _ChartPainter:
     def _draw_numbers(self) -> None:
         """Write the number of every fifth end and pick."""
         for axis, family in ((self.x, 0), (self.y, 1)):
-            first = self.content.first[family]
             for thread in range(*axis.band):
-                if (first + thread) % GROUP:
+                number = axis.offset + thread + 1
+                if number % GROUP:
                     continue
-                place, text = axis.place(thread + 0.5), str(first + thread)
+                place, text = axis.place(thread + 0.5), str(number)
                 if family == 0:
                     y = self.y.origin - 0.5 * NUMBERS_HEIGHT
                     self.page.write(place, y, text, NUMBER, centred=True)
@@ -368,10 +371,6 @@ class _ChartPainter:
                     self.page.write(
                         self.x.end + 0.5 * NUMBERS_WIDTH, place, text, NUMBER, centred=True
                     )
-
-
-def _axis(band: Band, count: int, origin: float, cell: float, falls: bool) -> _Axis:
-    return _Axis(band, drawn_band(band, count), origin, cell, falls)
 
 
 def merge_cells(mask: Bools) -> Floats:

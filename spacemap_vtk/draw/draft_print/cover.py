@@ -15,10 +15,11 @@ from spacemap_vtk.draw.draft_print.paper import (
     BODY,
     FAINT,
     INK,
+    PAGE_NUMBER,
     Box,
     Page,
     fit_box,
-    word_width,
+    shorten_text,
     wrap_words,
 )
 from spacemap_vtk.ndarrays import Bytes
@@ -65,8 +66,9 @@ def draw_cover(
 ) -> Box:
     """Draw title, facts and notes; return the room that is left."""
     body = page.body
-    page.write(body.left, body.top + 6.0, _shorten(title, body.width, _TITLE), _TITLE, bold=True)
-    page.write(body.left, body.top + 11.0, _shorten(subtitle, body.width, BODY), BODY, FAINT)
+    title = shorten_text(title, body.width - PAGE_NUMBER, _TITLE, bold=True)
+    page.write(body.left, body.top + 6.0, title, _TITLE, bold=True)
+    page.write(body.left, body.top + 11.0, shorten_text(subtitle, body.width, BODY), BODY, FAINT)
     draw_rule(page, body.top + 13.0)
     top = body.top + 14.0
     half = 0.5 * (body.width - 6.0)
@@ -314,12 +316,6 @@ def _draw_reduced(
             page.draw_box(Box(left, inner.top, columns * cell, shafts * cell), 0.3, FAINT)
     pages = PageMap(grid, content.size, cloth, style.from_top)
     draw_page_map(page, pages, first_page, style)
-
-
-def _shorten(text: str, width: float, size: float) -> str:
-    while text and word_width(text, size) * 1.1 > width:
-        text = text[:-2].rstrip() + "…"
-    return text
 
 
 def describe_limit(limit: int | float) -> str:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from spacemap_vtk.draw.draft_print.chart import ChartStyle
 from spacemap_vtk.draw.draft_print.layout import ChartGrid
-from spacemap_vtk.draw.draft_print.paper import INK, Box, Page, word_width
+from spacemap_vtk.draw.draft_print.paper import INK, PAGE_NUMBER, Box, Page, word_width
 
 #: Colour of cuts on the first page.
 _CUT = "#c8102e"
-#: Largest size of the small map, and its distance from the right margin, in mm.
-_SMALL, _SMALL_RIGHT = (30.0, 9.0), 28.0
+#: Largest width and height of the small map, in mm.
+SMALL_MAP, _SMALL_HEIGHT = 30.0, 9.0
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ def draw_small_map(
     """Draw a small map of the pages at the top of a page, with this page filled."""
     if grid.count == 1:
         return
-    scale = min(_SMALL[0] / size[0], _SMALL[1] / size[1])
+    scale = min(SMALL_MAP / size[0], _SMALL_HEIGHT / size[1])
     width, height = scale * size[0], scale * size[1]
-    box = Box(page.body.right - _SMALL_RIGHT - width, page.body.top + 0.5, width, height)
+    box = Box(page.body.right - PAGE_NUMBER - width, page.body.top + 0.5, width, height)
     pages = PageMap(grid, size, box, from_top)
     page.fill([pages.page_box(*place)], "#9aa4b0")
     page.draw_lines(pages.cuts, 0.4)

@@ -36,6 +36,8 @@ _MORE_FONTS = (
 _DECIMALS = 2
 #: Half the height of a digit over its size.
 _HALF_DIGIT = 0.365
+#: Room for the number of a page beside its title, in mm.
+PAGE_NUMBER = 30.0
 #: Size of text, in points.
 BODY = 8.0
 #: Size of numbers at grids, in points.
@@ -259,16 +261,35 @@ def fit_box(box: Box, columns: float, rows: float, most: float = np.inf) -> Box:
     return Box(box.left + 0.5 * (box.width - width), box.top, width, cell * rows)
 
 
+def shorten_text(text: str, width: float, size: float, bold: bool = False) -> str:
+    """Return a text that is cut to a width in mm."""
+    while text and word_width(text, size, bold) > width:
+        text = text[:-2].rstrip() + "…"
+    return text
+
+
+def _split_word(word: str, width: float, size: float) -> Iterator[str]:
+    """Yield a word in pieces that fit into a width; most words are one piece."""
+    while word_width(word, size) > width and len(word) > 1:
+        count = max(1, int(len(word) * width / word_width(word, size)))
+        while count > 1 and word_width(word[:count], size) > width:
+            count -= 1
+        yield word[:count]
+        word = word[count:]
+    yield word
+
+
 def wrap_words(words: list[str], width: float, size: float = BODY) -> list[str]:
     """Break words into lines of at most this width in mm."""
     lines: list[str] = []
-    used, space = 0.0, 0.3 * size * POINT
-    for word in words:
-        length = word_width(word, size)
+    used, space = 0.0, 0.318 * size * POINT
+    pieces = (piece for word in words for piece in _split_word(word, width, size))
+    for piece in pieces:
+        length = word_width(piece, size)
         if lines and used + space + length <= width:
-            lines[-1] += f" {word}"
+            lines[-1] += f" {piece}"
             used += space + length
         else:
-            lines.append(word)
+            lines.append(piece)
             used = length
     return lines

@@ -36,13 +36,15 @@ from spacemap_vtk.draw.draft_print.layout import (
     plan_charts,
 )
 from spacemap_vtk.draw.draft_print.listing import list_draft, list_notes
-from spacemap_vtk.draw.draft_print.page_map import draw_small_map
+from spacemap_vtk.draw.draft_print.page_map import SMALL_MAP, draw_small_map
 from spacemap_vtk.draw.draft_print.paper import (
     BODY,
     FAINT,
     NUMBER,
+    PAGE_NUMBER,
     Box,
     Page,
+    shorten_text,
 )
 from spacemap_vtk.draw.draft_print.settings import FACES, STARTS, PrintSettings
 from spacemap_vtk.errors import InputError
@@ -176,7 +178,9 @@ class DraftSheet:
 
     def _draw_heading(self, page: Page, subtitle: str, number: int) -> None:
         body = page.body
-        page.write(body.left, body.top + 4.5, self.title, BODY + 2.5, bold=True)
+        size = BODY + 2.5
+        title = shorten_text(self.title, body.width - PAGE_NUMBER - SMALL_MAP, size, bold=True)
+        page.write(body.left, body.top + 4.5, title, size, bold=True)
         page.write(body.left, body.top + 9.0, subtitle)
         self._write_page_number(page, number)
         draw_rule(page, body.top + 10.5)
