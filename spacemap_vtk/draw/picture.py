@@ -179,9 +179,6 @@ class Picture:
             panel.window.set_samples(SAMPLES)
         if cloth.clearance:
             self._warn_of_few_facets()
-        if self.level.method is DrawingMethod.SHADER:
-            for each in self.panels:
-                each.scene_view.sheet.show_single_yarns(True)
         if self.level.method in (DrawingMethod.PIECES, DrawingMethod.TILES):
             patches = cloth.patches // self.level.pieces
             sides = cloth.subdivisions or self.level.sides

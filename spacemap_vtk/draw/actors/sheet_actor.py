@@ -1,14 +1,15 @@
-"""Draw a cloth as a sheet with yarn colours as textures, if its yarns are too small to be seen.
+"""Draw a cloth as a sheet with yarn colours as textures, if its yarns are too small to be modelled.
 
-The sheet is lit like its yarns. The visible half of a tube has normals in all directions around its
-axis, so its mean light differs from that of a plane. The light is therefore summed at each vertex
-over the part of this half that the neighbouring tube does not hide, for tubes of both families, on
-top and between others.
+The light of the sheet is the mean light of its yarns: at each vertex it is summed over the normals
+that are visible from the direction of the eye, as `spacemap_vtk.draw.actors.cloth_appearance`
+measures them on the yarns of near pictures. Where yarns are a few pixels wide, the light of a pixel
+follows the mean normal of the yarns in it, and its mean over many pixels is still the former one.
 
-A pixel shows the exact mean of the crossings in it, weighted by their areas in the pixel, in linear
-light: half black and half white gives the sRGB value 188. OpenGL's filters cannot do this. The mip
-levels of a texture whose size is not a power of two leave out rows and columns, so that one of two
-alternating colours can vanish, and they blur over several pixels.
+A pixel shows the exact mean of the crossings around it, in linear light: half black and half white
+gives the sRGB value 188. Each crossing counts by its area, weighted by a tent over two pixels. A
+plain mean over the pixel would leave false stripes where colours alternate within a pixel.
+OpenGL's filters cannot do this. The mip levels of a texture whose size is not a power of two leave
+out rows and columns, so that one of two alternating colours can vanish.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from spacemap_vtk.datasets.arrays import (
@@ -28,6 +29,17 @@ from spacemap_vtk.datasets.arrays import (
     to_cells,
     to_image,
     to_points,
+)
+from spacemap_vtk.draw.actors.cloth_appearance import (
+    GAMMA,
+    NODES,
+    TILE,
+    TILES_IN_ROW,
+    TILTS,
+    TURNS,
+    AppearanceTables,
+    ClothAppearance,
+    appearance_of,
 )
 from spacemap_vtk.draw.actors.lighting import lighting_code
 from spacemap_vtk.draw.actors.surface_actor import (
@@ -43,78 +55,43 @@ from spacemap_vtk.ndarrays import Bytes, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
 from spacemap_vtk.scenes.styles import Style
-from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines, yarn_shading
+from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Names of the textures. The first two contain the colours of yarns where they lie on top, and 0
-#: elsewhere. The last two contain the colours everywhere, with alpha 1 where the yarn lies on top.
-#: Means over several crossings need all four, a single texel only the last two.
+#: Names of the textures of colours. The first two contain the colours of yarns where they lie on
+#: top, and 0 elsewhere. The last two contain the colours everywhere, with alpha 1 where the yarn
+#: lies on top. Means over several crossings need all four, a single texel only the last two.
 _LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
 #: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
 #: power.
 _LEVELS = 6
 #: Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
-_MOST_TEXELS = 1024
-#: Number of samples along each side of a pixel if single yarns are drawn.
-_POINTS = 4
-#: Fraction by which contact shadows darken a yarn where it lies deepest.
-_SHADOW = 0.8
+_MOST_TEXELS = 400
+#: Largest number of texels of tiles that a pixel sums along each side.
+_MOST_TILE_TEXELS = 4.5
+#: Yarns wider than this number of pixels are drawn by their tiles.
+_TILED = 1.3
 
 _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec3 warpMC;
 in vec3 weftMC;
-out vec4 lightVS[4];  // mean reflected light of warp and weft, on top and between
-out vec4 coverVS;  // cover of warp and weft, on top and between
-out vec2 tiltVS;
+uniform sampler2D views;  // shares of normals, see ClothAppearance
+out vec4 lightVS[4];  // mean light of warp and weft, on top and below
+out vec4 coverVS;  // share of a crossing that each of these fills, less its shadows
+out float openVS;  // share of a crossing that is open
+out vec4 gainVS[4], coverGainVS;  // these values, relative to those of the tiles
+out float openGainVS;
 out float heightVS;
 out vec3 warpVS, weftVS, eyeVS;
 """
 
-_VERTEX_FUNCTIONS = """
-// Mean light that tubes along an axis reflect; `covered` is the share of the area that they cover.
-vec4 tubes(vec3 along, vec3 up, vec3 eye, float aspect, float cover, float slope, out float covered)
-{
-  vec4 sum = vec4(0.0);
-  float weights = 0.0;
-  covered = 0.0;
-  vec3 run = along - dot(along, eye) * eye, across = eye - dot(eye, along) * along;
-  float wide = aspect / cover * max(dot(across, up) / length(across), 0.05);
-  for (int side = -1; side <= 1; side += 2)
-  {
-    vec3 axis = normalize(along + float(side) * tan(slope) * up);
-    vec3 normal = normalize(up - dot(up, axis) * axis);
-    vec3 toEye = eye - dot(eye, axis) * axis;
-    float weight = length(toEye);  // parts that face the eye look larger
-    toEye /= weight;
-    weight *= dot(toEye, normal) > 0.0 ? 1.0 : 0.1;
-    float c = max(dot(toEye, normal), 0.05);
-    vec3 aside = normal - dot(normal, toEye) * toEye;
-    float s = length(aside);
-    aside = s > 1e-4 ? aside / s : normalize(cross(axis, toEye));
-    // In units of the tube's height. `part` is the visible part, from the lower horizon up to the
-    // neighbour.
-    float flat_ = 0.5 * (aspect - 1.0) * c;
-    float whole = 1.0 + 2.0 * flat_;
-    float pitch = aspect / cover * c;
-    float part = min(whole, pitch);
-    // A rising yarn looks askew from the side, and hides more.
-    vec3 askew = axis - dot(axis, eye) * eye;
-    float skew = dot(run, askew) / (length(run) * length(askew));
-    covered += 0.5 * min(1.0, whole / (wide * max(skew, 0.3)));
-    weights += weight;
-    const int SAMPLES = 12;
-    for (int k = 0; k < SAMPLES; ++k)
-    {
-      float x = 0.5 * whole - part * (float(k) + 0.5) / float(SAMPLES);
-      float first = 2.0 * (x + flat_);
-      float sine = clamp(first < s ? first : max(s, 2.0 * (x - flat_)), -1.0, 1.0);
-      vec3 n = sqrt(1.0 - sine * sine) * toEye + sine * aside;
-      sum += weight * reflectedLight(n, eye) / float(SAMPLES);
-    }
-  }
-  return sum / weights;
-}
+_CONSTANTS = f"""
+const int NODES = {NODES}, TURNS = {TURNS}, TILTS = {len(TILTS)};
+const float TILT[{len(TILTS)}] = float[{len(TILTS)}]({", ".join(str(np.radians(t)) for t in TILTS)});
+const float GAMMA = {GAMMA}, LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
+const int TILE = {TILE}, TILES_IN_ROW = {TILES_IN_ROW};
+const float MOST_TILE_TEXELS = {_MOST_TILE_TEXELS}, TILED = {_TILED};
 """
 
 _VERTEX = """
@@ -125,15 +102,58 @@ _VERTEX = """
   vec3 eye = parallel ? vec3(0.0, 0.0, 1.0) : normalize(-positionVC);
   vec3 warp = normalize(mat3(MCVCMatrix) * warpMC), weft = normalize(mat3(MCVCMatrix) * weftMC);
   vec3 up = normalize(cross(weft, warp));
-  up = dot(up, eye) < 0.0 ? -up : up;
-  vec4 a = aspectAndCover;
-  vec3 overWarp = eye - dot(eye, warp) * warp, overWeft = eye - dot(eye, weft) * weft;
-  tiltVS = vec2(dot(overWarp, up) / length(overWarp), dot(overWeft, up) / length(overWeft));
-  tiltVS = 1.0 - tiltVS * tiltVS;
-  lightVS[0] = tubes(warp, up, eye, a.x, a.z, slopes.x, coverVS.x);
-  lightVS[1] = tubes(weft, up, eye, a.y, a.w, slopes.y, coverVS.y);
-  lightVS[2] = tubes(warp, up, eye, a.x, a.z, slopes.z, coverVS.z);
-  lightVS[3] = tubes(weft, up, eye, a.y, a.w, slopes.w, coverVS.w);
+  bool front = dot(up, eye) >= 0.0;
+  up = front ? up : -up;
+  // Between the tilts and turns of the table, the shares are interpolated.
+  float tilt = acos(clamp(dot(up, eye), 0.0, 1.0));
+  int lower = 0;
+  for (int k = 1; k < TILTS - 1; ++k) lower = tilt > TILT[k] ? k : lower;
+  float steep = clamp((tilt - TILT[lower]) / (TILT[lower + 1] - TILT[lower]), 0.0, 1.0);
+  float turn = atan(dot(eye, warp), dot(eye, weft) + 1e-9) / 6.28318531;
+  turn = float(TURNS) * (turn < 0.0 ? turn + 1.0 : turn);
+  int left = int(turn) % TURNS, right = (left + 1) % TURNS;
+  float aside = fract(turn);
+  int face = front ? 0 : TILTS * TURNS, rows = face + lower * TURNS;
+  vec4 sums[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+  vec3 means[4] = vec3[4](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+  vec4 total = vec4(0.0), ofFace = vec4(0.0);
+  for (int node = 0; node <= NODES * NODES; ++node)
+  {
+    vec4 here = texelFetch(views, ivec2(node, face), 0);
+    vec4 a = texelFetch(views, ivec2(node, rows + left), 0);
+    vec4 b = texelFetch(views, ivec2(node, rows + right), 0);
+    vec4 c = texelFetch(views, ivec2(node, rows + TURNS + left), 0);
+    vec4 d = texelFetch(views, ivec2(node, rows + TURNS + right), 0);
+    vec4 share = mix(mix(a, b, aside), mix(c, d, aside), steep);
+    if (node == NODES * NODES)
+    {
+      openVS = share.x;
+      openGainVS = share.x / max(here.x, 1e-3);
+      break;
+    }
+    if (share + here == vec4(0.0)) continue;
+    vec2 p = 2.0 * vec2(node % NODES, node / NODES) / float(NODES - 1) - 1.0;
+    vec3 own = vec3(2.0 * p, 1.0 - dot(p, p)) / (1.0 + dot(p, p));
+    vec3 n = normalize(own.x * weft + own.y * warp + own.z * up);
+    // Displayed values are square roots of light, and means are those of linear light.
+    vec4 light = pow(max(reflectedLight(n, eye), 0.0), vec4(0.5 * GAMMA));
+    for (int k = 0; k < 4; ++k)
+    {
+      sums[k] += share[k] * light;
+      means[k] += here[k] * own;
+    }
+    total += share;
+    ofFace += here;
+  }
+  for (int k = 0; k < 4; ++k)
+  {
+    lightVS[k] = pow(sums[k] / max(total[k], 1e-6), vec4(2.0 / GAMMA));
+    vec3 own = means[k] / max(ofFace[k], 1e-6);
+    vec4 ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
+    gainVS[k] = min(lightVS[k] / max(ofMean, 1e-3), 4.0);
+  }
+  coverVS = total;
+  coverGainVS = total / max(ofFace, 1e-3);
   heightVS = 0.5 + 0.5 * place.y / place.w;
   warpVS = warp;
   weftVS = weft;
@@ -144,16 +164,14 @@ _FRAGMENT_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec4 lightVS[4];
 in vec4 coverVS;
-in vec2 tiltVS;
+in float openVS;
+in vec4 gainVS[4], coverGainVS;
+in float openGainVS;
 in float heightVS;
 in vec3 warpVS, weftVS, eyeVS;
 """
 
-_FRAGMENT_FUNCTIONS = (
-    f"""
-const float LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
-"""
-    + """
+_FRAGMENT_FUNCTIONS = """
 // Convert sRGB to linear light, and back.
 vec3 decoded(vec3 code)
 {
@@ -164,169 +182,144 @@ vec3 encoded(vec3 light)
 {
   return mix(12.92 * light, 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, light));
 }
-"""
-)
 
-_RESOLVED_FUNCTIONS = (
-    f"""
-const int POINTS = {_POINTS};
-const float SHADOW = {_SHADOW};
-"""
-    + """
-// Height and slope of a yarn's axis at a place between two crossings.
-vec2 axis_at(float along, float pitch, float flat_, float here, float next)
+// Share of a tent of half width 1 on the negative side of a place.
+float tent(float x)
 {
-  float room = max(pitch - 2.0 * flat_, 1e-3 * pitch);
-  float part = 3.14159265 * clamp((abs(along) * pitch - flat_) / room, 0.0, 1.0);
-  float slope = (next - here) * 0.5 * sin(part) * 3.14159265 / room;
-  return vec2(mix(here, next, 0.5 - 0.5 * cos(part)), along < 0.0 ? -slope : slope);
+  float inside = clamp(x, -1.0, 1.0);
+  return 0.5 + inside - 0.5 * inside * abs(inside);
 }
 
-// Sine and cosine of the angle of a section's normal at a place across it; z is 1 inside, else 0.
-vec3 section_at(float across, float halfWidth, float radius)
+// Texel of the colours at a crossing, of which one repeat may stand for all.
+ivec2 repeated(ivec2 crossing)
 {
-  float beyond = max(abs(across) - (halfWidth - radius), 0.0) / radius;
-  float sine = min(beyond, 1.0);
-  return vec3(across < 0.0 ? -sine : sine, sqrt(1.0 - sine * sine), beyond <= 1.0 ? 1.0 : 0.0);
+  return ivec2(mod(vec2(crossing), repeats));
 }
 
-// Light of the upper yarn at a place, found from the heights of both yarns.
-vec3 yarn_at(vec2 place, vec3 hue, vec3 warp, vec3 weft, vec3 up, vec3 eye, vec3 open)
+// Light of the crossings around a place, each by its area: four layers, from the back of the cloth
+// with the last two on top.
+vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
 {
-  ivec2 last = ivec2(crossings) - 1;
-  ivec2 at = clamp(ivec2(floor(place)), ivec2(0), last);
-  vec2 away = place - vec2(at) - 0.5;
-  ivec2 end = ivec2(clamp(at.x + (away.x < 0.0 ? -1 : 1), 0, last.x), at.y);
-  ivec2 pick = ivec2(at.x, clamp(at.y + (away.y < 0.0 ? -1 : 1), 0, last.y));
-  vec4 ofWarp = texelFetch(warpColors, at, 0), ofWeft = texelFetch(weftColors, at, 0);
-  float side = gl_FrontFacing ? 1.0 : -1.0;
-  float over = side * (2.0 * ofWarp.a - 1.0);
-  float overEnd = side * (2.0 * texelFetch(warpColors, end, 0).a - 1.0);
-  float overPick = side * (2.0 * texelFetch(warpColors, pick, 0).a - 1.0);
-  vec2 flat_ = sections.xz - sections.yw;
-  vec2 a = axis_at(away.y, pitches.y, flat_.y, over * rises.x, overPick * rises.x);
-  vec2 b = axis_at(away.x, pitches.x, flat_.x, -over * rises.y, -overEnd * rises.y);
-  vec3 acrossWarp = section_at(away.x * pitches.x, sections.x, sections.y);
-  vec3 acrossWeft = section_at(away.y * pitches.y, sections.z, sections.w);
-  if (acrossWarp.z + acrossWeft.z == 0.0) return open;
-  float warpTop = acrossWarp.z > 0.0 ? a.x + sections.y * acrossWarp.y : -1e9;
-  float weftTop = acrossWeft.z > 0.0 ? b.x + sections.w * acrossWeft.y : -1e9;
-  bool warpOnTop = warpTop >= weftTop;
-  vec3 along = warpOnTop ? warp : weft, across = warpOnTop ? weft : warp;
-  vec2 bent = warpOnTop ? a : b;
-  vec3 round_ = warpOnTop ? acrossWarp : acrossWeft;
-  vec3 n = normalize(round_.y * normalize(up - bent.y * along) + round_.x * across);
-  // The lower a yarn lies below its top position, the darker is its contact shadow.
-  float rise = warpOnTop ? rises.x : rises.y;
-  float shade = 1.0 - shaded * SHADOW * clamp(0.5 - 0.5 * bent.x / max(rise, 1e-6), 0.0, 1.0);
-  vec3 own = hue * encoded(warpOnTop ? ofWarp.rgb : ofWeft.rgb);
-  return decoded(shade * visibleColor(own, reflectedLight(n, eye), lined));
-}
-
-// Mean light of a pixel.
-vec3 yarns_in(vec2 place, vec2 right, vec2 above_, vec3 hue, vec3 open)
-{
-  vec3 warp = normalize(warpVS), weft = normalize(weftVS), eye = normalize(eyeVS);
-  vec3 up = normalize(cross(weft, warp));
-  up = dot(up, eye) < 0.0 ? -up : up;
-  vec3 sum = vec3(0.0);
-  for (int j = 0; j < POINTS; ++j)
-    for (int i = 0; i < POINTS; ++i)
-    {
-      vec2 share = grain * ((vec2(i, j) + 0.5) / float(POINTS) - 0.5);
-      sum += yarn_at(place + share.x * right + share.y * above_, hue, warp, weft, up, eye, open);
-    }
-  return sum / float(POINTS * POINTS);
-}
-"""
-)
-
-_FRAGMENT = """
-  // Centre, and half of width and height, of the finished picture's pixel, in crossings. For a
-  // pixel that is rotated against the yarns, a rectangle with the same spread along both families.
-  vec2 place = tcoordVCVSOutput * crossings, right = dFdx(place), above_ = dFdy(place);
-  vec2 aside = (floor(gl_FragCoord.xy / grain) + 0.5) * grain - gl_FragCoord.xy;
-  place += aside.x * right + aside.y * above_;
-  vec3 open_ = decoded(mix(below, above, heightVS));
-  if (resolved > 0.5)
-  {
-    gl_FragData[0] = vec4(encoded(yarns_in(place, right, above_, diffuseColor, open_)), 1.0);
-  }
-  else
-  {
-  vec2 reach = 0.5 * grain * sqrt(right * right + above_ * above_);
-  vec2 low = clamp(place - reach, vec2(0.0), crossings - 0.001);
-  vec2 high = clamp(place + reach, low + 0.001, crossings);
   // Many crossings are summed in blocks, which hold the exact means of their crossings.
-  int level = int(clamp(ceil(0.5 * log2(4.0 * reach.x * reach.y / MOST_TEXELS)), 0.0, LEVELS));
-  low /= float(1 << level);
-  high /= float(1 << level);
-  ivec2 first = ivec2(floor(low)), end = ivec2(ceil(high));
+  float count = 4.0 * reach.x * reach.y;
+  int level = int(clamp(ceil(0.5 * log2(count / MOST_TEXELS)), 0.0, LEVELS));
+  float size = float(1 << level);
+  vec2 low = clamp(place - reach, vec2(0.0), crossings - 0.001) / size;
+  vec2 high = clamp(place + reach, vec2(0.001), crossings) / size;
+  place /= size;
+  vec2 scale = size / reach;
+  ivec2 first = ivec2(floor(low)), end = max(ivec2(ceil(high)), first + 1);
   vec4 texels[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
-  if (level == 0 && averaged == 0)
+  ivec2 period = ivec2(repeats) >> level;
+  for (int y = first.y; y < end.y; ++y)
   {
-    for (int y = first.y; y < end.y; ++y)
+    float tall = tent((float(y + 1) - place.y) * scale.y) - tent((float(y) - place.y) * scale.y);
+    for (int x = first.x; x < end.x; ++x)
     {
-      float tall = min(high.y, float(y + 1)) - max(low.y, float(y));
-      for (int x = first.x; x < end.x; ++x)
+      float wide = tent((float(x + 1) - place.x) * scale.x) - tent((float(x) - place.x) * scale.x);
+      float area = tall * wide;
+      ivec2 at = ivec2(x, y) % period;
+      vec4 warp = texelFetch(warpColors, at, level), weft = texelFetch(weftColors, at, level);
+      if (level == 0 && averaged == 0)
       {
-        float area = tall * (min(high.x, float(x + 1)) - max(low.x, float(x)));
-        vec4 warp = texelFetch(warpColors, ivec2(x, y), 0);
-        vec4 weft = texelFetch(weftColors, ivec2(x, y), 0);
         texels[0] += area * warp.a * vec4(warp.rgb, 1.0);
         texels[1] += area * weft.a * vec4(weft.rgb, 1.0);
         texels[2] += area * weft.a * vec4(warp.rgb, 1.0);
         texels[3] += area * warp.a * vec4(weft.rgb, 1.0);
       }
-    }
-  }
-  else
-  {
-    // In a block, the mean of products is not the product of means.
-    for (int y = first.y; y < end.y; ++y)
-    {
-      float tall = min(high.y, float(y + 1)) - max(low.y, float(y));
-      for (int x = first.x; x < end.x; ++x)
+      else
       {
-        float area = tall * (min(high.x, float(x + 1)) - max(low.x, float(x)));
-        vec4 warpOn = texelFetch(warpOver, ivec2(x, y), level);
-        vec4 weftOn = texelFetch(weftOver, ivec2(x, y), level);
+        // In a block, the mean of products is not the product of means.
+        vec4 warpOn = texelFetch(warpOver, at, level), weftOn = texelFetch(weftOver, at, level);
         texels[0] += area * warpOn;
         texels[1] += area * weftOn;
-        vec3 warp = texelFetch(warpColors, ivec2(x, y), level).rgb;
-        vec3 weft = texelFetch(weftColors, ivec2(x, y), level).rgb;
-        texels[2] += area * vec4(warp - warpOn.rgb, weftOn.a);
-        texels[3] += area * vec4(weft - weftOn.rgb, warpOn.a);
+        texels[2] += area * vec4(warp.rgb - warpOn.rgb, weftOn.a);
+        texels[3] += area * vec4(weft.rgb - weftOn.rgb, warpOn.a);
       }
     }
   }
   float area = texels[0].a + texels[1].a;  // at each crossing, one of the two families is on top
   int top = gl_FrontFacing ? 0 : 2;  // from behind, the lower yarns are on top
-  // The rarer a family is on top, the darker are its contact shadows.
-  vec2 there = tcoordVCVSOutput * crossings / vec2(textureSize(warpOver, 0));
-  vec2 q = vec2(texture(warpOver, there, 5.0).a, texture(weftOver, there, 5.0).a);
-  q /= q.x + q.y;
-  q = gl_FrontFacing ? q : q.yx;
-  vec2 tilted = 1.0 - 0.22 * min(tiltVS, 0.5);
-  vec2 over = tilted * (1.0 - 0.26 * (1.0 - q) * (1.0 - q)), under = tilted * (0.36 + 0.6 * q);
-  over = mix(vec2(1.0), over, shaded);
-  under = mix(vec2(1.0), under, shaded);
-  vec4 shades = vec4(over, under);
-  for (int k = 0; k < 4; ++k)  // each family is multiplied by its share
+  vec3 sum = openVS * open;
+  for (int k = 0; k < 4; ++k)
   {
     int layer = (k + top) % 4;
-    vec3 hue = diffuseColor * encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area));
-    vec3 light = decoded(shades[layer] * visibleColor(hue, lightVS[layer], lined));
-    texels[k] = texels[k].a / area * vec4(light, 1.0);
+    vec3 own = hue * encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area));
+    vec3 light = decoded(visibleColor(own, lightVS[layer], lined));
+    sum += texels[k].a / area * coverVS[layer] * light;
   }
-  vec2 k = coverVS.xy, between = coverVS.zw;
-  vec4 yarns = k.x * texels[top] + k.y * texels[top + 1]
-    + (1.0 - k.y) * between.x * texels[2 - top] + (1.0 - k.x) * between.y * texels[3 - top];
-  // At a slant, gaps close sooner than the cover of both families says.
-  float aslant = 1.0 - 0.5 * max(tiltVS.x, tiltVS.y);
-  float open = aslant * dot(q, (1.0 - k) * (1.0 - between.yx));
-  gl_FragData[0] = vec4(encoded(yarns.rgb + open * open_), 1.0);
+  return sum;
+}
+
+// Light of the yarns around a place, by the tiles of its crossings.
+vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
+{
+  float longest = 2.0 * max(reach.x, reach.y) * float(TILE);
+  int level = int(clamp(ceil(log2(longest / MOST_TILE_TEXELS)), 0.0, 2.0));
+  int side = TILE >> level;
+  ivec2 last = ivec2(crossings) * side - 1;
+  ivec2 first = clamp(ivec2(floor((place - reach) * float(side))), ivec2(0), last);
+  ivec2 end = clamp(ivec2(floor((place + reach) * float(side))), ivec2(0), last);
+  int block = textureSize(tiles, level).y / 5, face = gl_FrontFacing ? 0 : 2;
+  vec2 texel = 1.0 / (float(side) * reach);
+  vec2 start = (place * float(side));
+  vec4 normals[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+  vec3 colors[4] = vec3[4](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+  float whole = 0.0, opened = 0.0;
+  for (int y = first.y; y <= end.y; ++y)
+  {
+    float tall = tent((float(y + 1) - start.y) * texel.y) - tent((float(y) - start.y) * texel.y);
+    for (int x = first.x; x <= end.x; ++x)
+    {
+      float wide = tent((float(x + 1) - start.x) * texel.x) - tent((float(x) - start.x) * texel.x);
+      float area = tall * wide;
+      ivec2 crossing = repeated(ivec2(x, y) / side);
+      vec2 code = texelFetch(tileNumbers, crossing, 0).rg;
+      int number = int(255.0 * code.r + 0.5) + 256 * int(255.0 * code.g + 0.5);
+      ivec2 at = ivec2(number % TILES_IN_ROW, number / TILES_IN_ROW) * side + ivec2(x, y) % side;
+      vec4 ofWarp = texelFetch(tiles, at + ivec2(0, face * block), level);
+      vec4 ofWeft = texelFetch(tiles, at + ivec2(0, (face + 1) * block), level);
+      vec4 others = texelFetch(tiles, at + ivec2(0, 4 * block), level);
+      vec4 warp = texelFetch(warpColors, crossing, 0), weft = texelFetch(weftColors, crossing, 0);
+      bool over = (warp.a > 0.5) == gl_FrontFacing;
+      int a = over ? 0 : 2, b = over ? 3 : 1;
+      normals[a] += area * vec4(2.0 * ofWarp.xy - 1.0, ofWarp.zw);
+      normals[b] += area * vec4(2.0 * ofWeft.xy - 1.0, ofWeft.zw);
+      colors[a] += area * ofWarp.w * warp.rgb;
+      colors[b] += area * ofWeft.w * weft.rgb;
+      opened += area * (gl_FrontFacing ? others.x : others.y);
+      whole += area;
+    }
   }
+  vec3 warp = normalize(warpVS), weft = normalize(weftVS), eye = normalize(eyeVS);
+  vec3 up = normalize(cross(weft, warp));
+  up = dot(up, eye) < 0.0 ? -up : up;
+  vec3 sum = min(openGainVS * opened / whole, 1.0) * open;
+  for (int k = 0; k < 4; ++k)
+  {
+    float share = normals[k].w;
+    if (share < 1e-4 * whole) continue;
+    vec3 own = normals[k].xyz / share;
+    vec4 light = gainVS[k] * reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
+    vec3 tone = hue * encoded(colors[k] / share);
+    sum += share / whole * coverGainVS[k] * decoded(visibleColor(tone, light, lined));
+  }
+  return sum;
+}
+"""
+
+_FRAGMENT = """
+  // Centre, width and height of the finished picture's pixel, in crossings. For a pixel that is
+  // rotated against the yarns, a rectangle with the same spread along both families.
+  vec2 place = tcoordVCVSOutput * crossings, right = dFdx(place), above_ = dFdy(place);
+  vec2 aside = (floor(gl_FragCoord.xy / grain) + 0.5) * grain - gl_FragCoord.xy;
+  place += aside.x * right + aside.y * above_;
+  vec2 reach = max(grain * sqrt(right * right + above_ * above_), vec2(1e-4));
+  vec3 open_ = decoded(mix(below, above, heightVS));
+  bool tiled = averaged == 0 && TILED * max(reach.x, reach.y) < 1.0;
+  vec3 light = tiled ? tiledLight(place, reach, diffuseColor, open_)
+    : mixedLight(place, reach, diffuseColor, open_);
+  gl_FragData[0] = vec4(encoded(light), 1.0);
 """
 
 
@@ -343,7 +336,9 @@ class SheetActor(SurfaceActor):
         self._crossings: NDArray[Any] | None = None
         self.set_background((255, 255, 255), (255, 255, 255))
         self.set_grain(1)
-        self.show_single_yarns(False)
+        self._appearance: ClothAppearance | None = None
+        self._strength, self._is_flat = 0.0, True
+        self._tables: AppearanceTables | None = None
 
     def set_background(self, below: Sequence[int], above: Sequence[int]) -> None:
         """Set the colours of the background, which is visible between yarns."""
@@ -354,11 +349,6 @@ class SheetActor(SurfaceActor):
     def set_grain(self, grain: int) -> None:
         """Set how many drawn pixels, along each side, make one pixel of the finished picture."""
         self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("grain", float(grain))
-
-    def show_single_yarns(self, resolved: bool) -> None:
-        """Draw single yarns, over and under each other; for yarns that are a few pixels wide."""
-        uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
-        uniforms.SetUniformf("resolved", float(resolved))
 
     def show_sheet(
         self,
@@ -385,23 +375,11 @@ class SheetActor(SurfaceActor):
         if self._shown == state and self._crossings is crossings:
             return
         self._shown, self._crossings = state, crossings
-        warp, weft = yarn_shading(cloth)
-        vertex = self.GetShaderProperty().GetVertexCustomUniforms()
-        vertex.SetUniform4f("aspectAndCover", [warp.aspect, weft.aspect, warp.cover, weft.cover])
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
         halvings = _halving_count(max(cloth.size))
         fragment.SetUniform2f("crossings", [count / 2**halvings for count in cloth.size])
+        fragment.SetUniform2f("repeats", [2.0**20, 2.0**20])
         fragment.SetUniformi("averaged", halvings > 0)
-        ends, picks = cloth.families
-        unit = ends.spacing
-        fragment.SetUniform2f("pitches", [1.0, picks.spacing / unit])
-        sections = [
-            0.5 * size / unit for each in (ends, picks) for size in (each.width, each.diameter)
-        ]
-        fragment.SetUniform4f("sections", sections)
-        fragment.SetUniform2f("rises", [0.5 * each.height / unit for each in (ends, picks)])
-        slopes = [warp.slope_over, weft.slope_over, warp.slope_under, weft.slope_under]
-        vertex.SetUniform4f("slopes", slopes)
         if crossings is None:
             colors = _yarn_colors(cloth, color)
         else:
@@ -418,14 +396,45 @@ class SheetActor(SurfaceActor):
             if texture is None:
                 texture = _make_texture()
                 self.GetProperty().SetTexture(name, texture)
-            # The texture is never replaced: see `SurfaceActor._paint`.
+            # The texture is never replaced: see `SurfaceActor._set_texture`.
             for _ in range(halvings):
                 pixels = _halve(pixels)
             texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
+        self._appearance = appearance_of(cloth)
+        numbers = self._appearance.numbers
+        codes = np.stack([numbers % 256, numbers // 256, 0 * numbers], axis=-1).astype(np.uint8)
+        self._set_data("tileNumbers", to_image(codes if not halvings else codes[:1, :1]))
+        self._show_appearance()
 
     def set_shadow_strength(self, strength: float) -> None:
         """Set the strength of the yarns' contact shadows, 0 to 1."""
-        self.GetShaderProperty().GetFragmentCustomUniforms().SetUniformf("shaded", strength)
+        if strength != self._strength:
+            self._strength = strength
+            self._show_appearance()
+
+    def _show_appearance(self) -> None:
+        """Show the tables for the present cloth and shadows."""
+        if self._appearance is None:
+            return
+        tables = self._appearance.tables(self._strength, tilted=True)
+        if tables is self._tables:
+            return
+        self._tables = tables
+        views = vtkImageData()
+        views.SetDimensions(tables.views.shape[1], tables.views.shape[0], 1)
+        views.GetPointData().SetScalars(to_array(tables.views.reshape(-1, 4), "views"))
+        self._set_data("views", views)
+        self._set_data("tiles", to_image(tables.tiles))
+
+    def _set_data(self, name: str, image: vtkImageData) -> None:
+        """Set a texture of numbers, which are not colours."""
+        texture = self.GetProperty().GetTexture(name)
+        if texture is None:
+            texture = _make_texture()
+            texture.UseSRGBColorSpaceOff()
+            texture.SetMipmap(name == "tiles")
+            self.GetProperty().SetTexture(name, texture)
+        texture.SetInputData(image)
 
     def _apply_style(self, surface: vtkPolyData, style: Style, pixels_per_point: float) -> None:
         light, shader = lighting_code(style, pixels_per_point), self.GetShaderProperty()
@@ -434,14 +443,14 @@ class SheetActor(SurfaceActor):
         self._shader_key = (light,)
         shader.ClearAllShaderReplacements()
         for tag, text in (
-            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + light + _VERTEX_FUNCTIONS),
+            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _CONSTANTS + light),
             ("//VTK::TCoord::Impl", _VERTEX),
         ):
             shader.AddVertexShaderReplacement(tag, True, text, False)
         for tag, text in (
             (
                 "//VTK::TCoord::Dec",
-                _FRAGMENT_DECLARATIONS + _FRAGMENT_FUNCTIONS + light + _RESOLVED_FUNCTIONS,
+                _FRAGMENT_DECLARATIONS + _CONSTANTS + light + _FRAGMENT_FUNCTIONS,
             ),
             ("//VTK::Light::Impl", _FRAGMENT),
             ("//VTK::TCoord::Impl", ""),

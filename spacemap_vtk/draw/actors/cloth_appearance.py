@@ -1,0 +1,269 @@
+"""Tables of how a cloth looks from afar, measured on the yarns that near pictures show.
+
+A part of the cloth with each local weave is viewed from a grid of directions. For each view, the
+visible surface is sorted by layer (warp or weft, on top or below) and by its normal. A sheet sums
+the light of a style over these normals, so that its mean light is that of the yarns, for any weave,
+section and light. Nothing is fitted.
+
+For yarns that are a few pixels wide, the view of the face is also kept crossing by crossing, as a
+tile for each local weave.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.draw.actors.contact_shadows import contact_shadows
+from spacemap_vtk.ndarrays import Floats, Ints, Singles
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.partition import representative_parts
+from spacemap_vtk.textile.geometry.visible_surface import (
+    VisibleSurface,
+    sample_surface,
+    view_surface,
+    weights_of_crossings,
+)
+from spacemap_vtk.textile.weave.cloth import Cloth
+
+#: Angles between the eye and the normal of the cloth, in degrees, and number of directions of the
+#: eye around the normal.
+TILTS = (0.0, 35.0, 60.0, 78.0)
+TURNS = 8
+#: Normals along each side of the grid of normals, which is stereographic: a normal n lies at
+#: (n.x, n.y) / (1 + n.z).
+NODES = 7
+#: Texels along each side of the tile of a crossing, a power of 2.
+TILE = 8
+#: Tiles in a row of the texture of tiles.
+TILES_IN_ROW = 64
+#: Largest number of crossings that are viewed, from the face and from other directions.
+_MOST_CROSSINGS = 256
+#: Crossings at the border of a part that are not counted.
+_MARGIN = 2
+#: Crossings along each side of the part that is viewed from other directions than the face.
+_TILTED = 14
+#: Pixels of a view along each side of a crossing: of the face, and from other directions.
+_PIXELS = 12.37
+_TILTED_PIXELS = 8.37
+#: Exponent that converts displayed values to linear light, nearly as sRGB does.
+GAMMA = 2.2
+
+
+class AppearanceTables(NamedTuple):
+    """Tables for the shaders of `spacemap_vtk.draw.actors.sheet_actor`."""
+
+    views: Singles
+    """For each view, share of a crossing that each normal fills, (views, NODES² + 1, 4). Views are
+    ordered by face (front, back), tilt and turn. The layers are warp on top, weft on top, warp
+    below, weft below. For a yarn on top, shares are counted per crossing where it lies on top. The
+    shares include the contact shadows. The last column is the share that is open."""
+    tiles: NDArray[np.uint8]
+    """Texture of the tiles, (rows, columns, 4): five blocks of rows, one above the other. For warp
+    and weft, on the front and then on the back: normal and share. Last: open share on both faces,
+    and whether the warp lies on top of the front."""
+
+
+class ClothAppearance:
+    """How a cloth looks from afar; its views are made when they are needed."""
+
+    def __init__(self, cloth: Cloth) -> None:
+        crop = _middle_part(cloth)
+        parts, weaves = representative_parts(crop, _MOST_CROSSINGS)
+        self._weights = weights_of_crossings(weaves, parts, _MARGIN)
+        self._facets = [
+            sample_surface(crop, YarnSelection(ends, picks), _PIXELS) for ends, picks in parts
+        ]
+        ends, picks = (slice(each.start, min(each.stop, each.start + _TILTED)) for each in parts[0])
+        self._tilted_facets = sample_surface(crop, YarnSelection(ends, picks), _TILTED_PIXELS)
+        self._tilted_size, self._spacing = self._tilted_facets.size, self._tilted_facets.spacing
+        inner = np.zeros(self._tilted_size[::-1])
+        inner[tuple(slice(_MARGIN, -_MARGIN or None) if n > 2 * _MARGIN + 2 else slice(None) for n in inner.shape)] = 1.0
+        part = self._weights[0][: inner.shape[0], : inner.shape[1]]
+        self._tilted_weights = inner * np.where(inner.any() and (inner * part).any(), part, 1.0)
+        self._drawdowns = [crop.drawdown[picks, ends] for ends, picks in parts]
+        self._weaves = [weaves[picks, ends] for ends, picks in parts]
+        self._relief = max(float(np.max(threads.diameter)) for threads in cloth.threads)
+        self._views: dict[tuple[float, float, int], list[VisibleSurface]] = {}
+        self._shadows: dict[tuple[tuple[float, float, int], float], list[Singles]] = {}
+        self._tables: dict[tuple[float, bool], AppearanceTables] = {}
+        #: Tile of each crossing of the cloth.
+        self.numbers = self._number_tiles(cloth, crop, weaves)
+
+    def _number_tiles(self, cloth: Cloth, crop: Cloth, weaves: Ints) -> Ints:
+        """Number the tiles; two more stand for local weaves that were not viewed."""
+        seen = np.unique(np.concatenate([each.ravel() for each in self._weaves]))
+        self._tile_of_weave = np.full(int(weaves.max()) + 1, -1)
+        self._tile_of_weave[seen] = np.arange(len(seen))
+        self._tile_count = len(seen) + 2
+        if crop is cloth:
+            numbers = self._tile_of_weave[weaves]
+        else:
+            numbers = np.full(cloth.drawdown.shape, -1)
+        missing = numbers < 0
+        numbers[missing] = len(seen) + cloth.drawdown[missing]
+        return numbers.astype(np.uint16)
+
+    def tables(self, strength: float, tilted: bool) -> AppearanceTables:
+        """Return the tables for a strength of contact shadows; `tilted`: for all directions."""
+        key = strength, tilted
+        if key not in self._tables:
+            rows = []
+            for side in (1, -1):
+                face = self._row((0.0, 0.0, side), strength)
+                rows += [face] * TURNS
+                for tilt in TILTS[1:]:
+                    turns = [(tilt, 360.0 * turn / TURNS, side) for turn in range(TURNS // 2)]
+                    half = [self._row(view, strength) if tilted else face for view in turns]
+                    # From the opposite side, a cloth looks the same, turned by half a turn.
+                    rows += half + [np.concatenate([row[-2::-1], row[-1:]]) for row in half]
+            self._tables[key] = AppearanceTables(
+                np.stack(rows).astype(np.float32), self._tiles(strength)
+            )
+        return self._tables[key]
+
+    def _visible(self, view: tuple[float, float, int]) -> list[VisibleSurface]:
+        if view not in self._views:
+            tilt, turn = np.radians(view[:2])
+            eye = np.array([np.cos(turn) * np.sin(tilt), np.sin(turn) * np.sin(tilt), np.cos(tilt)])
+            eye[2] *= view[2]
+            if tilt == 0.0:
+                self._views[view] = [view_surface(each, eye, _PIXELS) for each in self._facets]
+            else:
+                self._views[view] = [view_surface(self._tilted_facets, eye, _TILTED_PIXELS)]
+        return self._views[view]
+
+    def _shades(self, view: tuple[float, float, int], strength: float) -> list[Singles]:
+        """Return the factors by which contact shadows change the linear light of each pixel."""
+        shades = []
+        for visible in self._visible(view):
+            # A near picture draws two pixels for each one.
+            depth = visible.depth.repeat(2, axis=0).repeat(2, axis=1)
+            pixels = 2.0 * self._relief / visible.pixel
+            factors = contact_shadows(depth, self._relief, pixels, strength)
+            height, width = visible.depth.shape
+            shades.append(factors.reshape(height, 2, width, 2).mean(axis=(1, 3)) ** GAMMA)
+        return shades
+
+    def _row(self, view: tuple[float, float, int], strength: float) -> Floats:
+        """Return a row of the table of views."""
+        table = np.zeros((4, NODES, NODES))
+        on_top, open_, whole = np.zeros(2), 0.0, 0.0
+        for number, (visible, shade) in enumerate(
+            zip(self._visible(view), self._shades(view, strength), strict=True)
+        ):
+            weights, drawdown = self._weights[number], self._drawdowns[number]
+            if view[0] > 0.0:
+                ends, picks = self._tilted_size
+                weights, drawdown = self._tilted_weights, drawdown[:picks, :ends]
+            weights, warp_over = weights.ravel(), drawdown.ravel() == (view[2] > 0)
+            inside = visible.crossing >= 0
+            weight = np.where(inside, weights[visible.crossing], 0.0)
+            pixels = np.cos(np.radians(view[0])) * self._spacing[0] * self._spacing[1] / visible.pixel**2
+            family = visible.family
+            over = warp_over[visible.crossing] == (family == 0)
+            layer = np.where(over, family, 2 + family)
+            chosen = (family >= 0) & (weight > 0.0)
+            x, y = _grid_places(visible.normals[chosen], view[2])
+            amount = (weight * shade)[chosen] / pixels
+            for i, j, share in _corners(x, y):
+                node = (layer[chosen] * NODES + j) * NODES + i
+                table += np.bincount(node, amount * share, table.size).reshape(table.shape)
+            open_ += float(weight[family < 0].sum()) / pixels
+            whole += float(weights.sum())
+            on_top += [weights[warp_over].sum(), weights[~warp_over].sum()]
+        crossings = np.concatenate([on_top, on_top[::-1]])
+        shares = table.reshape(4, -1) / np.maximum(crossings, 1e-9)[:, None]
+        return np.concatenate([shares.T, [[open_ / whole, 0.0, 0.0, 0.0]]])
+
+    def _tiles(self, strength: float) -> NDArray[np.uint8]:
+        """Return the texture of the tiles."""
+        count, sums = self._tile_count, np.zeros((2, self._tile_count * TILE**2, 2, 5))
+        pixels = np.zeros((2, self._tile_count * TILE**2))
+        over = np.zeros(count)
+        for side, view in enumerate(((0.0, 0.0, 1), (0.0, 0.0, -1))):
+            shades = self._shades(view, strength)
+            for number, (visible, shade) in enumerate(zip(self._visible(view), shades, strict=True)):
+                cells = np.floor(visible.place).astype(int)
+                ends, picks = self._facets[number].size
+                inside = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
+                cell = cells[inside]
+                drawn = self._weights[number][cell[:, 1], cell[:, 0]] > 0.0
+                cell, within = cell[drawn], (visible.place[inside][drawn] % 1.0 * TILE).astype(int)
+                family = visible.family[inside][drawn]
+                normal = visible.normals[inside][drawn] * (1, 1, view[2])
+                light = shade[inside][drawn]
+                values = np.column_stack([normal * light[:, None], light, np.ones(len(light))])
+                weave = self._weaves[number][cell[:, 1], cell[:, 0]]
+                upper = self._drawdowns[number][cell[:, 1], cell[:, 0]]
+                for tile in (self._tile_of_weave[weave], count - 2 + upper):
+                    over[tile] = upper
+                    texel = tile * TILE**2 + within[:, 1] * TILE + within[:, 0]
+                    pixels[side] += np.bincount(texel, minlength=pixels.shape[1])
+                    shown = family >= 0
+                    place = 2 * texel[shown] + family[shown]
+                    for k in range(5):
+                        part = np.bincount(place, values[shown, k], sums[side, ..., k].size)
+                        sums[side, ..., k] += part.reshape(-1, 2)
+        share = sums / np.maximum(pixels, 1.0)[..., None, None]
+        share[..., :2] = 0.5 + 0.5 * share[..., :2]
+        open_ = 1.0 - share[..., 4].sum(axis=-1)
+        last = np.zeros((count * TILE**2, 4))
+        last[:, :2], last[:, 2] = open_.T, np.repeat(over, TILE**2)
+        blocks = [share[side, :, family, :4] for side in (0, 1) for family in (0, 1)] + [last]
+        rows = -(-count // TILES_IN_ROW)
+        image = np.zeros((5, rows * TILES_IN_ROW, TILE, TILE, 4))
+        image[:, :count] = np.stack(blocks).reshape(5, count, TILE, TILE, 4)
+        image = image.reshape(5, rows, TILES_IN_ROW, TILE, TILE, 4).transpose(0, 1, 3, 2, 4, 5)
+        texels = image.reshape(5 * rows * TILE, TILES_IN_ROW * TILE, 4)
+        return np.rint(255.0 * np.clip(texels, 0.0, 1.0)).astype(np.uint8)
+
+
+#: Appearances of the cloths that exist.
+_APPEARANCES: WeakKeyDictionary[Cloth, ClothAppearance] = WeakKeyDictionary()
+#: Largest number of crossings of a cloth whose local weaves are all numbered.
+_NUMBERED = 4_000_000
+
+
+def appearance_of(cloth: Cloth) -> ClothAppearance:
+    """Return the appearance of a cloth, which is measured once."""
+    if cloth not in _APPEARANCES:
+        _APPEARANCES[cloth] = ClothAppearance(cloth)
+    return _APPEARANCES[cloth]
+
+
+def _middle_part(cloth: Cloth) -> Cloth:
+    """Return the middle of a cloth that has too many crossings; else the cloth."""
+    if cloth.drawdown.size <= _NUMBERED:
+        return cloth
+    from spacemap_vtk.textile.geometry.partition import crop_cloth
+
+    side = int(_NUMBERED**0.5)
+    ends, picks = (
+        slice(max(0, (count - side) // 2), max(0, (count - side) // 2) + min(side, count))
+        for count in cloth.size
+    )
+    return crop_cloth(cloth, YarnSelection(ends, picks))
+
+
+def _grid_places(normals: Singles, side: int) -> tuple[Floats, Floats]:
+    """Return places of normals in the grid of normals, 0 to NODES - 1; z points to the viewer."""
+    up = np.maximum(normals[:, 2].astype(np.float64) * side, -0.5)
+    place = normals[:, :2] / (1.0 + up)[:, None]
+    x, y = np.clip(0.5 * (place + 1.0), 0.0, 1.0).T * (NODES - 1)
+    return x, y
+
+
+def _corners(x: Floats, y: Floats) -> list[tuple[Ints, Ints, Floats]]:
+    """Return the four nodes around places in a grid, and their bilinear weights."""
+    i, j = (np.minimum(each.astype(int), NODES - 2) for each in (x, y))
+    right, up = x - i, y - j
+    return [
+        (i, j, (1 - right) * (1 - up)),
+        (i + 1, j, right * (1 - up)),
+        (i, j + 1, (1 - right) * up),
+        (i + 1, j + 1, right * up),
+    ]
