@@ -1,6 +1,6 @@
 """Differences between cloth drawn from afar and the same cloth drawn yarn by yarn, in codes of 255.
 
-    python benchmarks/far_cloth.py [--pixels 1.3] [--tilts 0,30,50,65] [--sections lens]
+    python benchmarks/far_cloth.py [--pixels 1.3] [--tilts 0,30,50,65] [--section lens]
 
 The near picture has many times the size and is averaged in linear light over each pixel. Both have
 one camera. Each row gives, for a weave and its colours, the mean difference (far minus near) over
@@ -71,7 +71,7 @@ def compare(weave: dict[str, Any], yarns: int, pixels: float, tilt: float) -> tu
     view = Viewpoint(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.05), half)
     side = 8 * round(2 * half * pixels / SPACING / 8)
     fine = math.ceil(14 / pixels)
-    values = {"weave": {**weave, "ends": yarns, "picks": yarns}, "view": {"camera": "face"}}
+    values = {"weave": {**weave, "ends": yarns, "picks": yarns}, "view": {"camera": "face", "irregularity": 0.0}}
     near, picture = draw(Scene({**values, "surface": {"subdivisions": 5}}), fine * side, view)
     assert picture.sheet is None
     many, level_of_detail.MANY_PATCHES = level_of_detail.MANY_PATCHES, 0
@@ -91,13 +91,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pixels", type=float, default=1.3)
     parser.add_argument("--tilts", default="0,30,50,65")
-    parser.add_argument("--section", default="round", choices=SECTIONS)
-    parser.add_argument("--yarns", type=int, default=96)
+    parser.add_argument("--section", default="lens", choices=SECTIONS)
+    parser.add_argument("--yarns", type=int, default=72)
+    parser.add_argument("--weaves", default=",".join(WEAVES))
     given = parser.parse_args()
     tilts = [float(tilt) for tilt in given.tilts.split(",")]
     prepare_offscreen()
     print("weave, colours".ljust(28), *(f"{tilt:.0f} degrees".rjust(16) for tilt in tilts))
-    for pattern in WEAVES:
+    for pattern in given.weaves.split(","):
         for name, (warp, weft) in COLORS.items():
             weave = {"pattern": pattern, "warp_color": warp, "weft_color": weft}
             for family in ("warp", "weft"):

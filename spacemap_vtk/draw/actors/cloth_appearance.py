@@ -17,7 +17,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.draw.actors.contact_shadows import contact_shadows
 from spacemap_vtk.ndarrays import Floats, Ints, Singles
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.partition import representative_parts
@@ -49,22 +48,20 @@ _TILTED = 14
 #: Pixels of a view along each side of a crossing: of the face, and from other directions.
 _PIXELS = 12.37
 _TILTED_PIXELS = 8.37
-#: Exponent that converts displayed values to linear light, nearly as sRGB does.
-GAMMA = 2.2
 
 
 class AppearanceTables(NamedTuple):
     """Tables for the shaders of `spacemap_vtk.draw.actors.sheet_actor`."""
 
     views: Singles
-    """For each view, share of a crossing that each normal fills, (views, NODES² + 1, 4). Views are
-    ordered by face (front, back), tilt and turn. The layers are warp on top, weft on top, warp
-    below, weft below. For a yarn on top, shares are counted per crossing where it lies on top. The
-    shares include the contact shadows. The last column is the share that is open."""
+    """For each view, the share of a crossing that each normal fills, and then the exposure of that
+    share, (views, 2 NODES² + 1, 4). Views are ordered by face (front, back), tilt and turn. The
+    layers are warp on top, weft on top, warp below, weft below. For a yarn on top, shares are
+    counted per crossing where it lies on top. The last column is the share that is open."""
     tiles: NDArray[np.uint8]
-    """Texture of the tiles, (rows, columns, 4): five blocks of rows, one above the other. For warp
-    and weft, on the front and then on the back: normal and share. Last: open share on both faces,
-    and whether the warp lies on top of the front."""
+    """Texture of the tiles, (rows, columns, 4): six blocks of rows, one above the other. First for
+    warp and weft on the front, then on the back: normal and share. Then the exposures of these
+    four. Last the open shares on both faces."""
 
 
 class ClothAppearance:
@@ -86,10 +83,8 @@ class ClothAppearance:
         self._tilted_weights = inner * np.where(inner.any() and (inner * part).any(), part, 1.0)
         self._drawdowns = [crop.drawdown[picks, ends] for ends, picks in parts]
         self._weaves = [weaves[picks, ends] for ends, picks in parts]
-        self._relief = max(float(np.max(threads.diameter)) for threads in cloth.threads)
         self._views: dict[tuple[float, float, int], list[VisibleSurface]] = {}
-        self._shadows: dict[tuple[tuple[float, float, int], float], list[Singles]] = {}
-        self._tables: dict[tuple[float, bool], AppearanceTables] = {}
+        self._tables: dict[bool, AppearanceTables] = {}
         #: Tile of each crossing of the cloth.
         self.numbers = self._number_tiles(cloth, crop, weaves)
 
@@ -107,23 +102,29 @@ class ClothAppearance:
         numbers[missing] = len(seen) + cloth.drawdown[missing]
         return numbers.astype(np.uint16)
 
-    def tables(self, strength: float, tilted: bool) -> AppearanceTables:
-        """Return the tables for a strength of contact shadows; `tilted`: for all directions."""
-        key = strength, tilted
-        if key not in self._tables:
+    def tables(self, tilted: bool) -> AppearanceTables:
+        """Return the tables for all directions, or only for that of the face."""
+        if tilted not in self._tables:
             rows = []
             for side in (1, -1):
-                face = self._row((0.0, 0.0, side), strength)
+                face = self._row((0.0, 0.0, side))
                 rows += [face] * TURNS
                 for tilt in TILTS[1:]:
                     turns = [(tilt, 360.0 * turn / TURNS, side) for turn in range(TURNS // 2)]
-                    half = [self._row(view, strength) if tilted else face for view in turns]
+                    half = [self._row(view) if tilted else face for view in turns]
                     # From the opposite side, a cloth looks the same, turned by half a turn.
-                    rows += half + [np.concatenate([row[-2::-1], row[-1:]]) for row in half]
-            self._tables[key] = AppearanceTables(
-                np.stack(rows).astype(np.float32), self._tiles(strength)
+                    rows += half
+                    for row, open_ in half:
+                        turned = row.reshape(4, 2, -1)[..., ::-1].reshape(4, -1)
+                        rows.append((turned, open_))
+            views = [
+                np.concatenate([row.reshape(4, -1).T, np.full((1, 4), open_)])
+                for row, open_ in rows
+            ]
+            self._tables[tilted] = AppearanceTables(
+                np.stack(views).astype(np.float32), self._tiles()
             )
-        return self._tables[key]
+        return self._tables[tilted]
 
     def _visible(self, view: tuple[float, float, int]) -> list[VisibleSurface]:
         if view not in self._views:
@@ -136,90 +137,76 @@ class ClothAppearance:
                 self._views[view] = [view_surface(self._tilted_facets, eye, _TILTED_PIXELS)]
         return self._views[view]
 
-    def _shades(self, view: tuple[float, float, int], strength: float) -> list[Singles]:
-        """Return the factors by which contact shadows change the linear light of each pixel."""
-        shades = []
-        for visible in self._visible(view):
-            # A near picture draws two pixels for each one.
-            depth = visible.depth.repeat(2, axis=0).repeat(2, axis=1)
-            pixels = 2.0 * self._relief / visible.pixel
-            factors = contact_shadows(depth, self._relief, pixels, strength)
-            height, width = visible.depth.shape
-            shades.append(factors.reshape(height, 2, width, 2).mean(axis=(1, 3)) ** GAMMA)
-        return shades
-
-    def _row(self, view: tuple[float, float, int], strength: float) -> Floats:
-        """Return a row of the table of views."""
-        table = np.zeros((4, NODES, NODES))
+    def _row(self, view: tuple[float, float, int]) -> tuple[Floats, float]:
+        """Return shares and exposures of normals, (4, 2 NODES²), and the open share."""
+        tables = np.zeros((2, 4, NODES, NODES))
         on_top, open_, whole = np.zeros(2), 0.0, 0.0
-        for number, (visible, shade) in enumerate(
-            zip(self._visible(view), self._shades(view, strength), strict=True)
-        ):
+        for number, visible in enumerate(self._visible(view)):
             weights, drawdown = self._weights[number], self._drawdowns[number]
             if view[0] > 0.0:
                 ends, picks = self._tilted_size
                 weights, drawdown = self._tilted_weights, drawdown[:picks, :ends]
             weights, warp_over = weights.ravel(), drawdown.ravel() == (view[2] > 0)
-            inside = visible.crossing >= 0
-            weight = np.where(inside, weights[visible.crossing], 0.0)
-            pixels = np.cos(np.radians(view[0])) * self._spacing[0] * self._spacing[1] / visible.pixel**2
+            weight = np.where(visible.crossing >= 0, weights[visible.crossing], 0.0)
+            pixels = self._spacing[0] * self._spacing[1] / visible.pixel**2
+            pixels *= np.cos(np.radians(view[0]))
             family = visible.family
             over = warp_over[visible.crossing] == (family == 0)
             layer = np.where(over, family, 2 + family)
             chosen = (family >= 0) & (weight > 0.0)
             x, y = _grid_places(visible.normals[chosen], view[2])
-            amount = (weight * shade)[chosen] / pixels
+            amount = weight[chosen] / pixels
             for i, j, share in _corners(x, y):
                 node = (layer[chosen] * NODES + j) * NODES + i
-                table += np.bincount(node, amount * share, table.size).reshape(table.shape)
+                for table, factor in zip(tables, (1.0, visible.exposure[chosen]), strict=True):
+                    values = amount * share * factor
+                    table += np.bincount(node, values, table.size).reshape(table.shape)
             open_ += float(weight[family < 0].sum()) / pixels
             whole += float(weights.sum())
             on_top += [weights[warp_over].sum(), weights[~warp_over].sum()]
         crossings = np.concatenate([on_top, on_top[::-1]])
-        shares = table.reshape(4, -1) / np.maximum(crossings, 1e-9)[:, None]
-        return np.concatenate([shares.T, [[open_ / whole, 0.0, 0.0, 0.0]]])
+        tables[1] /= np.maximum(tables[0], 1e-12)
+        tables[0] /= np.maximum(crossings, 1e-9)[:, None, None]
+        return tables.transpose(1, 0, 2, 3).reshape(4, -1), open_ / whole
 
-    def _tiles(self, strength: float) -> NDArray[np.uint8]:
+    def _tiles(self) -> NDArray[np.uint8]:
         """Return the texture of the tiles."""
-        count, sums = self._tile_count, np.zeros((2, self._tile_count * TILE**2, 2, 5))
-        pixels = np.zeros((2, self._tile_count * TILE**2))
-        over = np.zeros(count)
+        count, texels = self._tile_count, self._tile_count * TILE**2
+        sums, pixels = np.zeros((2, texels, 2, 5)), np.zeros((2, texels))
         for side, view in enumerate(((0.0, 0.0, 1), (0.0, 0.0, -1))):
-            shades = self._shades(view, strength)
-            for number, (visible, shade) in enumerate(zip(self._visible(view), shades, strict=True)):
+            for number, visible in enumerate(self._visible(view)):
                 cells = np.floor(visible.place).astype(int)
                 ends, picks = self._facets[number].size
-                inside = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
-                cell = cells[inside]
-                drawn = self._weights[number][cell[:, 1], cell[:, 0]] > 0.0
-                cell, within = cell[drawn], (visible.place[inside][drawn] % 1.0 * TILE).astype(int)
-                family = visible.family[inside][drawn]
-                normal = visible.normals[inside][drawn] * (1, 1, view[2])
-                light = shade[inside][drawn]
-                values = np.column_stack([normal * light[:, None], light, np.ones(len(light))])
-                weave = self._weaves[number][cell[:, 1], cell[:, 0]]
-                upper = self._drawdowns[number][cell[:, 1], cell[:, 0]]
+                drawn = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
+                end, pick = np.clip(cells, 0, (ends - 1, picks - 1)).transpose(2, 0, 1)
+                drawn &= self._weights[number][pick, end] > 0.0
+                end, pick = end[drawn], pick[drawn]
+                across, along = (visible.place[drawn] % 1.0 * TILE).astype(int).T
+                family = visible.family[drawn]
+                shown = family >= 0
+                ones = np.ones((len(family), 1))
+                normals = visible.normals[drawn] * (1, 1, view[2])
+                values = np.hstack([normals, ones, visible.exposure[drawn][:, None]])[shown]
+                weave, upper = self._weaves[number][pick, end], self._drawdowns[number][pick, end]
                 for tile in (self._tile_of_weave[weave], count - 2 + upper):
-                    over[tile] = upper
-                    texel = tile * TILE**2 + within[:, 1] * TILE + within[:, 0]
-                    pixels[side] += np.bincount(texel, minlength=pixels.shape[1])
-                    shown = family >= 0
+                    texel = tile * TILE**2 + along * TILE + across
+                    pixels[side] += np.bincount(texel, minlength=texels)
                     place = 2 * texel[shown] + family[shown]
-                    for k in range(5):
-                        part = np.bincount(place, values[shown, k], sums[side, ..., k].size)
-                        sums[side, ..., k] += part.reshape(-1, 2)
+                    for k, value in enumerate(values.T):
+                        sums[side, ..., k] += np.bincount(place, value, 2 * texels).reshape(-1, 2)
         share = sums / np.maximum(pixels, 1.0)[..., None, None]
+        exposure = sums[..., 4] / np.maximum(sums[..., 3], 1.0)
         share[..., :2] = 0.5 + 0.5 * share[..., :2]
-        open_ = 1.0 - share[..., 4].sum(axis=-1)
-        last = np.zeros((count * TILE**2, 4))
-        last[:, :2], last[:, 2] = open_.T, np.repeat(over, TILE**2)
-        blocks = [share[side, :, family, :4] for side in (0, 1) for family in (0, 1)] + [last]
+        blocks = [share[side, :, family, :4] for side in (0, 1) for family in (0, 1)]
+        blocks.append(exposure.transpose(1, 0, 2).reshape(texels, 4))
+        blocks.append(np.zeros((texels, 4)))
+        blocks[-1][:, :2] = 1.0 - share[..., 3].sum(axis=-1).T
         rows = -(-count // TILES_IN_ROW)
-        image = np.zeros((5, rows * TILES_IN_ROW, TILE, TILE, 4))
-        image[:, :count] = np.stack(blocks).reshape(5, count, TILE, TILE, 4)
-        image = image.reshape(5, rows, TILES_IN_ROW, TILE, TILE, 4).transpose(0, 1, 3, 2, 4, 5)
-        texels = image.reshape(5 * rows * TILE, TILES_IN_ROW * TILE, 4)
-        return np.rint(255.0 * np.clip(texels, 0.0, 1.0)).astype(np.uint8)
+        image = np.zeros((6, rows * TILES_IN_ROW, TILE, TILE, 4))
+        image[:, :count] = np.stack(blocks).reshape(6, count, TILE, TILE, 4)
+        image = image.reshape(6, rows, TILES_IN_ROW, TILE, TILE, 4).transpose(0, 1, 3, 2, 4, 5)
+        bytes_ = np.rint(255.0 * np.clip(image, 0.0, 1.0)).astype(np.uint8)
+        return bytes_.reshape(6 * rows * TILE, TILES_IN_ROW * TILE, 4)
 
 
 #: Appearances of the cloths that exist.

@@ -31,7 +31,6 @@ from spacemap_vtk.datasets.arrays import (
     to_points,
 )
 from spacemap_vtk.draw.actors.cloth_appearance import (
-    GAMMA,
     NODES,
     TILE,
     TILES_IN_ROW,
@@ -76,12 +75,12 @@ _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec3 warpMC;
 in vec3 weftMC;
-uniform sampler2D views;  // shares of normals, see ClothAppearance
-out vec4 lightVS[4];  // mean light of warp and weft, on top and below
-out vec4 coverVS;  // share of a crossing that each of these fills, less its shadows
-out float openVS;  // share of a crossing that is open
-out vec4 gainVS[4], coverGainVS;  // these values, relative to those of the tiles
-out float openGainVS;
+uniform sampler2D views;  // shares and exposures of normals, see ClothAppearance
+out vec4 lightVS[4];  // mean light of warp and weft, on top and below, if the yarns are black
+out vec4 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
+out vec4 coverVS;  // share of a crossing that each of these fills
+out vec4 gainVS, coverGainVS;  // light and shares, relative to those of the tiles
+out vec2 openVS;  // share of a crossing that is open, and relative to that of the tiles
 out float heightVS;
 out vec3 warpVS, weftVS, eyeVS;
 """
@@ -89,9 +88,28 @@ out vec3 warpVS, weftVS, eyeVS;
 _CONSTANTS = f"""
 const int NODES = {NODES}, TURNS = {TURNS}, TILTS = {len(TILTS)};
 const float TILT[{len(TILTS)}] = float[{len(TILTS)}]({", ".join(str(np.radians(t)) for t in TILTS)});
-const float GAMMA = {GAMMA}, LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
+const float LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
 const int TILE = {TILE}, TILES_IN_ROW = {TILES_IN_ROW};
 const float MOST_TILE_TEXELS = {_MOST_TILE_TEXELS}, TILED = {_TILED};
+"""
+
+_VERTEX_FUNCTIONS = """
+// Column of the table of views, interpolated between four of them.
+vec4 sharesOf(int column, int face, int rows, int left, int right, float aside, float steep)
+{
+  vec4 a = texelFetch(views, ivec2(column, rows + left), 0);
+  vec4 b = texelFetch(views, ivec2(column, rows + right), 0);
+  vec4 c = texelFetch(views, ivec2(column, rows + TURNS + left), 0);
+  vec4 d = texelFetch(views, ivec2(column, rows + TURNS + right), 0);
+  return mix(mix(a, b, aside), mix(c, d, aside), steep);
+}
+
+// Share of the light that arrives at an exposure, as for yarns: see `shadedLight`.
+vec4 openTo(vec4 exposure)
+{
+  vec4 open = 1.0 - shaded * (1.0 - exposure);
+  return open * open;
+}
 """
 
 _VERTEX = """
@@ -116,44 +134,46 @@ _VERTEX = """
   int face = front ? 0 : TILTS * TURNS, rows = face + lower * TURNS;
   vec4 sums[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
   vec3 means[4] = vec3[4](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
-  vec4 total = vec4(0.0), ofFace = vec4(0.0);
-  for (int node = 0; node <= NODES * NODES; ++node)
+  vec4 total = vec4(0.0), ofFace = vec4(0.0), exposed = vec4(0.0);
+  vec4 bounced = vec4(0.0), squares = vec4(0.0);
+  for (int node = 0; node < NODES * NODES; ++node)
   {
     vec4 here = texelFetch(views, ivec2(node, face), 0);
-    vec4 a = texelFetch(views, ivec2(node, rows + left), 0);
-    vec4 b = texelFetch(views, ivec2(node, rows + right), 0);
-    vec4 c = texelFetch(views, ivec2(node, rows + TURNS + left), 0);
-    vec4 d = texelFetch(views, ivec2(node, rows + TURNS + right), 0);
-    vec4 share = mix(mix(a, b, aside), mix(c, d, aside), steep);
-    if (node == NODES * NODES)
-    {
-      openVS = share.x;
-      openGainVS = share.x / max(here.x, 1e-3);
-      break;
-    }
+    vec4 share = sharesOf(node, face, rows, left, right, aside, steep);
     if (share + here == vec4(0.0)) continue;
+    int column = NODES * NODES + node;
+    vec4 open = openTo(sharesOf(column, face, rows, left, right, aside, steep));
     vec2 p = 2.0 * vec2(node % NODES, node / NODES) / float(NODES - 1) - 1.0;
     vec3 own = vec3(2.0 * p, 1.0 - dot(p, p)) / (1.0 + dot(p, p));
-    vec3 n = normalize(own.x * weft + own.y * warp + own.z * up);
-    // Displayed values are square roots of light, and means are those of linear light.
-    vec4 light = pow(max(reflectedLight(n, eye), 0.0), vec4(0.5 * GAMMA));
+    vec4 light = reflectedLight(normalize(own.x * weft + own.y * warp + own.z * up), eye);
+    vec4 amount = share * open;
     for (int k = 0; k < 4; ++k)
     {
-      sums[k] += share[k] * light;
+      sums[k] += amount[k] * light;
       means[k] += here[k] * own;
     }
+    bounced += light.g * amount / (1.0 - BOUNCE * (1.0 - open));
+    squares += light.g * light.g * amount * open;
     total += share;
     ofFace += here;
-  }
-  for (int k = 0; k < 4; ++k)
-  {
-    lightVS[k] = pow(sums[k] / max(total[k], 1e-6), vec4(2.0 / GAMMA));
-    vec3 own = means[k] / max(ofFace[k], 1e-6);
-    vec4 ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
-    gainVS[k] = min(lightVS[k] / max(ofMean, 1e-3), 4.0);
+    exposed += here * texelFetch(views, ivec2(column, face), 0);
   }
   coverVS = total;
   coverGainVS = total / max(ofFace, 1e-3);
+  exposed = openTo(exposed / max(ofFace, 1e-6));
+  for (int k = 0; k < 4; ++k)
+  {
+    lightVS[k] = sums[k] / max(total[k], 1e-6);
+    vec3 own = means[k] / max(ofFace[k], 1e-6);
+    float ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye).g;
+    gainVS[k] = min(lightVS[k].g / max(ofMean * exposed[k], 1e-3), 4.0);
+    float mean = max(lightVS[k].g, 1e-6);
+    bounceVS[k] = bounced[k] / max(sums[k].g, 1e-6);
+    spreadVS[k] = sqrt(max(squares[k] / max(total[k], 1e-6) / (mean * mean) - 1.0, 0.0));
+  }
+  int last = 2 * NODES * NODES;
+  openVS.x = sharesOf(last, face, rows, left, right, aside, steep).x;
+  openVS.y = openVS.x / max(texelFetch(views, ivec2(last, face), 0).x, 1e-3);
   heightVS = 0.5 + 0.5 * place.y / place.w;
   warpVS = warp;
   weftVS = weft;
@@ -163,10 +183,8 @@ _VERTEX = """
 _FRAGMENT_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec4 lightVS[4];
-in vec4 coverVS;
-in float openVS;
-in vec4 gainVS[4], coverGainVS;
-in float openGainVS;
+in vec4 bounceVS, spreadVS, coverVS, gainVS, coverGainVS;
+in vec2 openVS;
 in float heightVS;
 in vec3 warpVS, weftVS, eyeVS;
 """
@@ -194,6 +212,15 @@ float tent(float x)
 ivec2 repeated(ivec2 crossing)
 {
   return ivec2(mod(vec2(crossing), repeats));
+}
+
+// Linear light of yarns whose light has this mean and relative deviation.
+vec3 meanLight(vec3 hue, vec4 light, float deviation)
+{
+  // Two values with this mean and deviation give the mean of any smooth function.
+  float apart = min(deviation, 0.95);
+  vec3 dark_ = visibleColor(hue, (1.0 - apart) * light, lined);
+  return 0.5 * (decoded(dark_) + decoded(visibleColor(hue, (1.0 + apart) * light, lined)));
 }
 
 // Light of the crossings around a place, each by its area: four layers, from the back of the cloth
@@ -240,13 +267,14 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   }
   float area = texels[0].a + texels[1].a;  // at each crossing, one of the two families is on top
   int top = gl_FrontFacing ? 0 : 2;  // from behind, the lower yarns are on top
-  vec3 sum = openVS * open;
+  vec3 sum = openVS.x * open;
   for (int k = 0; k < 4; ++k)
   {
     int layer = (k + top) % 4;
     vec3 own = hue * encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area));
-    vec3 light = decoded(visibleColor(own, lightVS[layer], lined));
-    sum += texels[k].a / area * coverVS[layer] * light;
+    vec4 light = lightVS[layer];
+    light.rgb *= mix(vec3(1.0), vec3(bounceVS[layer]), own * own);
+    sum += texels[k].a / area * coverVS[layer] * meanLight(own, light, spreadVS[layer]);
   }
   return sum;
 }
@@ -260,11 +288,12 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   ivec2 last = ivec2(crossings) * side - 1;
   ivec2 first = clamp(ivec2(floor((place - reach) * float(side))), ivec2(0), last);
   ivec2 end = clamp(ivec2(floor((place + reach) * float(side))), ivec2(0), last);
-  int block = textureSize(tiles, level).y / 5, face = gl_FrontFacing ? 0 : 2;
+  int block = textureSize(tiles, level).y / 6, face = gl_FrontFacing ? 0 : 2;
   vec2 texel = 1.0 / (float(side) * reach);
   vec2 start = (place * float(side));
   vec4 normals[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
   vec3 colors[4] = vec3[4](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+  vec4 exposed = vec4(0.0);
   float whole = 0.0, opened = 0.0;
   for (int y = first.y; y <= end.y; ++y)
   {
@@ -279,7 +308,9 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
       ivec2 at = ivec2(number % TILES_IN_ROW, number / TILES_IN_ROW) * side + ivec2(x, y) % side;
       vec4 ofWarp = texelFetch(tiles, at + ivec2(0, face * block), level);
       vec4 ofWeft = texelFetch(tiles, at + ivec2(0, (face + 1) * block), level);
-      vec4 others = texelFetch(tiles, at + ivec2(0, 4 * block), level);
+      vec4 exposures = texelFetch(tiles, at + ivec2(0, 4 * block), level);
+      vec2 ofFace = gl_FrontFacing ? exposures.xy : exposures.zw;
+      vec2 holes = texelFetch(tiles, at + ivec2(0, 5 * block), level).xy;
       vec4 warp = texelFetch(warpColors, crossing, 0), weft = texelFetch(weftColors, crossing, 0);
       bool over = (warp.a > 0.5) == gl_FrontFacing;
       int a = over ? 0 : 2, b = over ? 3 : 1;
@@ -287,22 +318,27 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
       normals[b] += area * vec4(2.0 * ofWeft.xy - 1.0, ofWeft.zw);
       colors[a] += area * ofWarp.w * warp.rgb;
       colors[b] += area * ofWeft.w * weft.rgb;
-      opened += area * (gl_FrontFacing ? others.x : others.y);
+      exposed[a] += area * ofWarp.w * ofFace.x;
+      exposed[b] += area * ofWeft.w * ofFace.y;
+      opened += area * (gl_FrontFacing ? holes.x : holes.y);
       whole += area;
     }
   }
   vec3 warp = normalize(warpVS), weft = normalize(weftVS), eye = normalize(eyeVS);
   vec3 up = normalize(cross(weft, warp));
   up = dot(up, eye) < 0.0 ? -up : up;
-  vec3 sum = min(openGainVS * opened / whole, 1.0) * open;
+  vec3 sum = min(openVS.y * opened / whole, 1.0) * open;
   for (int k = 0; k < 4; ++k)
   {
     float share = normals[k].w;
     if (share < 1e-4 * whole) continue;
     vec3 own = normals[k].xyz / share;
     vec4 light = gainVS[k] * reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
+    float arrived = 1.0 - shaded * (1.0 - exposed[k] / share);
+    light *= arrived * arrived;
     vec3 tone = hue * encoded(colors[k] / share);
-    sum += share / whole * coverGainVS[k] * decoded(visibleColor(tone, light, lined));
+    light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), tone * tone);
+    sum += share / whole * coverGainVS[k] * meanLight(tone, light, 0.5 * spreadVS[k]);
   }
   return sum;
 }
@@ -336,8 +372,6 @@ class SheetActor(SurfaceActor):
         self._crossings: NDArray[Any] | None = None
         self.set_background((255, 255, 255), (255, 255, 255))
         self.set_grain(1)
-        self._appearance: ClothAppearance | None = None
-        self._strength, self._is_flat = 0.0, True
         self._tables: AppearanceTables | None = None
 
     def set_background(self, below: Sequence[int], above: Sequence[int]) -> None:
@@ -400,23 +434,21 @@ class SheetActor(SurfaceActor):
             for _ in range(halvings):
                 pixels = _halve(pixels)
             texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
-        self._appearance = appearance_of(cloth)
-        numbers = self._appearance.numbers
+        appearance = appearance_of(cloth)
+        numbers = appearance.numbers
         codes = np.stack([numbers % 256, numbers // 256, 0 * numbers], axis=-1).astype(np.uint8)
         self._set_data("tileNumbers", to_image(codes if not halvings else codes[:1, :1]))
-        self._show_appearance()
+        self._show_appearance(appearance)
 
     def set_shadow_strength(self, strength: float) -> None:
         """Set the strength of the yarns' contact shadows, 0 to 1."""
-        if strength != self._strength:
-            self._strength = strength
-            self._show_appearance()
+        shader = self.GetShaderProperty()
+        for uniforms in (shader.GetVertexCustomUniforms(), shader.GetFragmentCustomUniforms()):
+            uniforms.SetUniformf("shaded", strength)
 
-    def _show_appearance(self) -> None:
-        """Show the tables for the present cloth and shadows."""
-        if self._appearance is None:
-            return
-        tables = self._appearance.tables(self._strength, tilted=True)
+    def _show_appearance(self, appearance: ClothAppearance) -> None:
+        """Show the tables of a cloth."""
+        tables = appearance.tables(tilted=True)
         if tables is self._tables:
             return
         self._tables = tables
@@ -443,7 +475,7 @@ class SheetActor(SurfaceActor):
         self._shader_key = (light,)
         shader.ClearAllShaderReplacements()
         for tag, text in (
-            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _CONSTANTS + light),
+            ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _CONSTANTS + light + _VERTEX_FUNCTIONS),
             ("//VTK::TCoord::Impl", _VERTEX),
         ):
             shader.AddVertexShaderReplacement(tag, True, text, False)

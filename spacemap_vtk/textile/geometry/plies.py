@@ -240,23 +240,26 @@ class Strands:
         u, v = self._u[:, None], self._v[:, None]
         return begin + v * span, turned + u * more, along + u * further
 
-    def face(self, which: Ints) -> Floats:
+    def face(self, which: Ints, around: Floats | None = None) -> Floats:
         """Compute on which face of the cloth the samples of some patches lie.
 
         Parameters
         ----------
         which : ndarray of int
             Numbers of patches, in ascending order.
+        around : ndarray of float, optional
+            Places of samples around each patch, 0 to 1; by default those of the subdivisions.
 
         Returns
         -------
         ndarray of float, shape (samples, patches)
             1 on the top of a yarn, -1 below, 0 on its sides; NaN on patches that close it.
         """
-        found = np.full((len(self._u), len(which)), np.nan)
+        v = self._v if around is None else around
+        found = np.full((len(v), len(which)), np.nan)
         tubes = int(np.searchsorted(which, self.tube_count))
         begin, span = self._phi[:, which[:tubes]]
-        found[:, :tubes] = np.cos(2.0 * pi * (begin + self._v[:, None] * span))
+        found[:, :tubes] = np.cos(2.0 * pi * (begin + v[:, None] * span))
         return found
 
     def relative_brightness(self, which: Ints, irregularity: Irregularity) -> Floats:

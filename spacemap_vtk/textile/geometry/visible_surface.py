@@ -1,4 +1,4 @@
-"""What is visible of a cloth's yarns from a direction: depths, normals and families of pixels.
+"""What is visible of a cloth's yarns from a direction: normals, exposure and families of pixels.
 
 Each patch is divided into facets smaller than a pixel, and each pixel shows the nearest facet at its
 centre. Nothing here depends on the shape of sections or axes: all comes from the patches that
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints, Singles
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.exposure import ClothExposure
 from spacemap_vtk.textile.geometry.partition import crop_cloth
+from spacemap_vtk.textile.geometry.plies import Strands
 from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.patches.bezier import bernstein, bernstein_derivative, quadrilateral_order
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -39,6 +41,8 @@ class SurfaceFacets(NamedTuple):
     side_u: Singles
     """Vectors of the sides, in m."""
     side_v: Singles
+    exposure: Singles
+    """Exposure to light from all sides; see `spacemap_vtk.textile.geometry.exposure`."""
     family: NDArray[np.uint8]
     """0 warp, 1 weft."""
     size: tuple[int, int]
@@ -50,10 +54,10 @@ class SurfaceFacets(NamedTuple):
 class VisibleSurface(NamedTuple):
     """The pixels of a view, (rows, columns)."""
 
-    depth: Singles
-    """Distance behind the origin, in m; infinite where nothing is."""
     normals: Singles
     """Unit normals, (rows, columns, 3); 0 where nothing is."""
+    exposure: Singles
+    """Exposure to light from all sides."""
     family: NDArray[np.int8]
     """0 warp, 1 weft, -1 where nothing is."""
     crossing: Ints
@@ -89,11 +93,14 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
     step = _FACET * min(spacing) / pixels
     net = weave.points[patches].reshape(-1, 4, 4, 3)
     counts = [_count_facets(net, axis, step) for axis in (1, 2)]
-    found, family = [], []
+    strands, exposed = Strands(weave.patches, crop, weave.places, 1), ClothExposure(crop)
+    found, exposure, family = [], [], []
     for rows, columns in np.unique(np.stack(counts, axis=1), axis=0).tolist():
         (chosen,) = np.nonzero((counts[0] == rows) & (counts[1] == columns))
         weights = None if weave.weights is None else weave.weights[patches[chosen]]
         found.append(_evaluate(net[chosen].reshape(-1, 16, 3), weights, rows, columns))
+        face = strands.face(chosen, (np.arange(rows) + 0.5) / rows).T.repeat(columns, axis=1)
+        exposure.append(exposed.at(found[-1][0], face.ravel()))
         family.append(np.repeat(weave.family[: weave.tube_patches][chosen], rows * columns))
     middle, side_u, side_v = (np.concatenate(each) for each in zip(*found, strict=True))
     for number in (0, 1):
@@ -104,6 +111,7 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
     middle[:, :2] *= spacing
     return SurfaceFacets(
         *(each[inside].astype(np.float32) for each in (middle, side_u, side_v)),
+        np.concatenate(exposure)[inside],
         np.concatenate(family)[inside].astype(np.uint8),
         crop.size,
         spacing,
@@ -180,8 +188,8 @@ def view_surface(surface: SurfaceFacets, toward_eye: Floats, pixels: float) -> V
     shown /= np.maximum(np.linalg.norm(shown, axis=1, keepdims=True), np.float32(1e-30))
     shown[empty] = 0.0
     return VisibleSurface(
-        depth.reshape(rows, columns),
         shown.reshape(rows, columns, 3),
+        surface.exposure[nearest].reshape(rows, columns),
         np.where(empty, -1, surface.family[nearest]).astype(np.int8).reshape(rows, columns),
         np.where(outside, -1, pick * surface.size[0] + end).reshape(rows, columns),
         (place / size).reshape(rows, columns, 2),
