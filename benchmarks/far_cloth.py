@@ -71,7 +71,10 @@ def compare(weave: dict[str, Any], yarns: int, pixels: float, tilt: float) -> tu
     view = Viewpoint(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.05), half)
     side = 8 * round(2 * half * pixels / SPACING / 8)
     fine = math.ceil(14 / pixels)
-    values = {"weave": {**weave, "ends": yarns, "picks": yarns}, "view": {"camera": "face", "irregularity": 0.0}}
+    values = {
+        "weave": {**weave, "ends": yarns, "picks": yarns},
+        "view": {"camera": "face", "irregularity": 0.0},
+    }
     near, picture = draw(Scene({**values, "surface": {"subdivisions": 5}}), fine * side, view)
     assert picture.sheet is None
     many, level_of_detail.MANY_PATCHES = level_of_detail.MANY_PATCHES, 0
@@ -93,13 +96,15 @@ def main() -> None:
     parser.add_argument("--tilts", default="0,30,50,65")
     parser.add_argument("--section", default="lens", choices=SECTIONS)
     parser.add_argument("--yarns", type=int, default=72)
+    parser.add_argument("--colors", default=",".join(COLORS))
     parser.add_argument("--weaves", default=",".join(WEAVES))
     given = parser.parse_args()
     tilts = [float(tilt) for tilt in given.tilts.split(",")]
     prepare_offscreen()
     print("weave, colours".ljust(28), *(f"{tilt:.0f} degrees".rjust(16) for tilt in tilts))
     for pattern in given.weaves.split(","):
-        for name, (warp, weft) in COLORS.items():
+        for name in given.colors.split(","):
+            warp, weft = COLORS[name]
             weave = {"pattern": pattern, "warp_color": warp, "weft_color": weft}
             for family in ("warp", "weft"):
                 weave |= {f"{family}_{key}": v for key, v in SECTIONS[given.section].items()}

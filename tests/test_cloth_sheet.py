@@ -205,7 +205,7 @@ def test_a_sheet_moves_with_a_carved_cage(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_visible_yarns_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
-    _, near = draw({}, 200)
+    _, near = draw({}, 400)
     assert near.pieces is not None
     _, given = draw({}, 90, surface={"subdivisions": 1})
     assert given.sheet is None  # who says how many facets gets them

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines, yarn_shading
+from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
 from spacemap_vtk.textile.geometry.partition import cloth_bounds
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.double_weave import Layers
@@ -53,14 +53,3 @@ def test_grid_lines_end_at_the_edges_of_the_cloth() -> None:
         assert np.allclose(lines[[0, -1]], bounds[number])
         places = cloth.yarns[number].position
         assert ((lines[:-1] < places) & (places < lines[1:])).all()
-
-
-def test_floats_lie_flat() -> None:
-    threads = Threads(diameter=2e-4, spacing=5e-4)
-    plain = np.indices((8, 8)).sum(axis=0) % 2 == 0
-    satin = np.eye(8, dtype=bool)
-    tight, loose = (
-        yarn_shading(Cloth(drawdown=d, warp=threads, weft=threads)) for d in (plain, satin)
-    )
-    assert tight[0].cover == 2e-4 / 5e-4
-    assert 0.0 < loose[0].slope_over < 0.6 * tight[0].slope_over

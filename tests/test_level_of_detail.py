@@ -21,7 +21,7 @@ from spacemap_vtk.scenes.scene import Scene
 
 SIZE = 640, 480
 #: 400 by 400 yarns, half a millimetre apart.
-CLOTH = DrawnCloth(400, 400, 3_840_000, spacing=5e-4, height=2.5e-4, width=4e-4, suits_shader=True)
+CLOTH = DrawnCloth(400, 400, 3_840_000, spacing=5e-4, height=2.5e-4, width=4e-4)
 FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
 
 
@@ -40,10 +40,7 @@ FEW = replace(CLOTH, ends=7, picks=7, patches=1176)
         (FEW, {"face": 1.9, "opengl": False}, DrawingMethod.WHOLE),
         (FEW, {"face": 4.0}, DrawingMethod.WHOLE),
         (CLOTH, {"face": 1.9}, DrawingMethod.SHEET),
-        (CLOTH, {"face": 2.0}, DrawingMethod.SHADER),
         (CLOTH, {"face": 8.0}, DrawingMethod.SHEET),
-        (CLOTH, {"face": 4.0, "shader": False}, DrawingMethod.SHEET),
-        (replace(CLOTH, suits_shader=False), {"face": 4.0}, DrawingMethod.SHEET),
         # Whoever asks for so many quadrilaterals gets them: in pieces, or refused.
         (replace(CLOTH, subdivisions=2), {}, DrawingMethod.WHOLE),
         (replace(CLOTH, subdivisions=2), {"fit": False}, DrawingMethod.SHEET),
@@ -62,6 +59,7 @@ def test_drawing_method_follows_from_counts(
     [
         (CLOTH, 1.9, DrawingMethod.SHEET),
         (CLOTH, 2.0, DrawingMethod.PIECES),
+        (replace(CLOTH, least_pixels=5.0), 4.9, DrawingMethod.SHEET),
         (replace(CLOTH, subdivisions=2), 1.9, DrawingMethod.PIECES),
         (replace(CLOTH, clearance=True), 5.0, DrawingMethod.TILES),
     ],
@@ -76,8 +74,8 @@ def test_visible_yarns_replace_the_sheet(
         # No piece has more patches or quadrilaterals than are drawn in some hundred megabytes.
         assert cloth.patches / level.pieces <= 300_000
         assert cloth.patches * (cloth.subdivisions or level.sides) ** 2 / level.pieces <= 800_000
-    for other in (DrawingMethod.WHOLE, DrawingMethod.SHADER):
-        assert LevelOfDetail(other).at_scale(cloth, 1e4, SIZE).method is other
+    whole = LevelOfDetail(DrawingMethod.WHOLE)
+    assert whole.at_scale(cloth, 1e4, SIZE).method is DrawingMethod.WHOLE
 
 
 def test_facets_depend_on_the_width_of_a_yarn() -> None:
@@ -115,7 +113,9 @@ def test_objects_are_drawn_whole() -> None:
     assert choose_level(jammed).method is DrawingMethod.WHOLE
 
 
-def test_cloth_of_one_end_suits_the_shader() -> None:
-    single = DrawnCloth.from_scene(Scene({"weave": {"ends": 1, "picks": 1}}))
-    assert single is not None
-    assert single.suits_shader
+def test_tiles_replace_yarns_below_five_pixels_except_lines_and_numbers() -> None:
+    weave = {"ends": 1, "picks": 1}
+    for view, pixels in (({}, 5.0), ({"style": "paper"}, 2.0), ({"color": "clearance"}, 2.0)):
+        cloth = DrawnCloth.from_scene(Scene({"weave": weave, "view": view}))
+        assert cloth is not None
+        assert cloth.least_pixels == pixels

@@ -41,7 +41,7 @@ from spacemap_vtk.draw.offscreen import OffscreenWindow, open_offscreen
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.flat_picture import picture_size
+from spacemap_vtk.scenes.flat_picture import flat_cloth, picture_size
 from spacemap_vtk.scenes.level_of_detail import (
     DrawingMethod,
     DrawnCloth,
@@ -155,35 +155,33 @@ class Picture:
         choose = partial(choose_picture_facets, scene, (width, height), show, viewpoint, for_page)
         points, self._span = extent or motion_extent(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
+        cloth = DrawnCloth.from_scene(scene)
+        if cloth is not None:
+            view = _camera_view(scene, (width, height), show, viewpoint, for_page, points)
+            self.level = _set_facets(scene, cloth, self.level, points, view)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, panel_widths(width, len(panels)), strict=True):
             self.panels.append(self._make_panel(scene, panel, (w, height), points))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
-        self.pieces: YarnPieces | None = None
-        self._choose_detail(points)
+        self.pieces = None if cloth is None else self._make_pieces(cloth)
         #: Makes the dark layer inside a closed cloth; None if there is none, or no yarn is drawn.
         self._underlay: ClothUnderlay | None = None
         if self.sheet is None or self.pieces is not None:
             self._underlay = ClothUnderlay.make_if_needed(scene, self.sheet)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
 
-    def _choose_detail(self, points: Floats) -> None:
-        """Choose the facets of yarns, or the sheet, by the size of yarns in the picture."""
-        scene, panel = self.scene, self.panels[-1]
-        cloth = DrawnCloth.from_scene(scene)
-        if cloth is None:
-            return
-        view = CameraView.from_camera(panel.window.camera, panel.size)
-        self.level = _set_facets(scene, cloth, self.level, points, view)
+    def _make_pieces(self, cloth: DrawnCloth) -> YarnPieces | None:
+        """Prepare drawing the yarns piece by piece, if the level of detail asks for it."""
         if self.level.is_sampled:
-            panel.window.set_samples(SAMPLES)
+            self.panels[-1].window.set_samples(SAMPLES)
         if cloth.clearance:
             self._warn_of_few_facets()
-        if self.level.method in (DrawingMethod.PIECES, DrawingMethod.TILES):
-            patches = cloth.patches // self.level.pieces
-            sides = cloth.subdivisions or self.level.sides
-            require_piece(scene, (cloth.ends, cloth.picks), patches, sides)
-            self.pieces = YarnPieces(scene, self.level)
+        if self.level.method not in (DrawingMethod.PIECES, DrawingMethod.TILES):
+            return None
+        patches = cloth.patches // self.level.pieces
+        sides = cloth.subdivisions or self.level.sides
+        require_piece(self.scene, (cloth.ends, cloth.picks), patches, sides)
+        return YarnPieces(self.scene, self.level)
 
     def _warn_of_few_facets(self) -> None:
         """Warn that clearances on few facets are rough, because each facet is flat."""
@@ -220,6 +218,7 @@ class Picture:
     def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:
         window, scene_view, options, has_shadows, background, _ = panel
         view, pieces = self.scene.view, self.pieces if options.fabric else None
+        options = replace(options, sheet=pieces is None)
         scene_view.show(frame, view, options, self._span, self._cut)
         self._set_clipping_range(window, pieces)
         # The colours of cloth, as yarns or as a sheet, include the contact shadows of its yarns.
@@ -295,14 +294,15 @@ class Picture:
         options = ViewOptions(fabric, cage, self._wireframe, scale=not self._for_page)
         has_shadows = options.occlusion(view, self._span) > 0.0
         block, samples = supersampling(panel, has_shadows, size)
-        if self.level.method is DrawingMethod.SHADER:
-            block, samples = 1, SAMPLES  # the shader takes many samples in each pixel
+        if self.level.method is DrawingMethod.SHEET and panel == "fabric":
+            block, samples = 1, SAMPLES  # a sheet needs samples only at its edges
         window = open_offscreen((size[0] * block, size[1] * block), samples, block)
         scene_view = SceneView(window.renderer, has_shadows=True)
         # Dots and lines scale with the picture, like text, but stay large enough to be seen.
         point = block * max(_LEAST_POINT, size[1] / _POINT_HEIGHT) * view.line_scale
         scene_view.fit(view, size, block, point)
         scene_view.sheet.set_grain(block)
+        scene_view.sheet.shows_face = flat_cloth(scene) is not None and self._viewpoint is None
         scene_view.floor = float(extent[:, camera_up_axis(camera_of(scene))].min())
         window.hide_background()
         if view.loads:
@@ -357,13 +357,25 @@ def choose_picture_facets(
     cloth = DrawnCloth.from_scene(scene)
     if cloth is None:
         return False
+    view = _camera_view(scene, size, show, viewpoint, for_page, points)
+    return _set_facets(scene, cloth, LevelOfDetail(), points, view).shows_yarns
+
+
+def _camera_view(
+    scene: Scene,
+    size: tuple[int, int],
+    show: Sequence[str],
+    viewpoint: Viewpoint | None,
+    for_page: bool,
+    points: Floats,
+) -> CameraView:
+    """Return the view of the panel with the fabric, in a picture of the points."""
     camera, width = vtkCamera(), panel_widths(size[0], len(panel_contents(scene, show)))[-1]
     has_scale = COLORINGS[scene.view.color].shows_numbers and not for_page
     share = color_bar_share((width, size[1])) if has_scale else 0.0
     _place_camera(scene, camera, points, (1 - share) * width / size[1], viewpoint)
     camera.SetWindowCenter(share, 0.0)
-    view = CameraView.from_camera(camera, (width, size[1]))
-    return _set_facets(scene, cloth, LevelOfDetail(), points, view).shows_yarns
+    return CameraView.from_camera(camera, (width, size[1]))
 
 
 def motion_extent(

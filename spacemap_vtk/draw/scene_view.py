@@ -35,6 +35,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
 )
 from spacemap_vtk.draw.annotate.annotations import Annotations
 from spacemap_vtk.draw.camera import camera_up_axis, set_background
+from spacemap_vtk.draw.detail.underlay import hole_color
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.filters.patch_tessellator import LOOK
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
@@ -58,6 +59,8 @@ class ViewOptions:
     wireframe: bool = False
     #: Whether colour scale and annotations are shown.
     scale: bool = True
+    #: Whether the sheet of a cloth is drawn, and not all of its yarns in its place.
+    sheet: bool = True
     #: Whether the axes are shown even if the scene does not request them.
     triad: bool = False
     #: Whether the scale bar is shown even if the scene does not request it.
@@ -320,7 +323,9 @@ class SceneView:
         if frame.cloth is None:
             self._show_surface(self.surface, frame)
             return
-        self._show_sheet(frame, frame.cloth)
+        # The sheet also has the colour scale of yarns that are drawn in its place.
+        if self._options.sheet or COLORINGS[frame.color].shows_numbers:
+            self._show_sheet(frame, frame.cloth)
         if frame.yarns is not None:
             self._show_surface(self.surface, replace(frame, surface=frame.yarns, closed=True))
             self.surface.color_bar.VisibilityOff()
@@ -330,7 +335,9 @@ class SceneView:
         style = self._view.resolved_style
         # The sheet gets contact shadows only if yarns would get them too.
         self.sheet.show_sheet(sheet, cloth, frame.color, self._span, style, frame.crossings)
-        self.sheet.set_shadow_strength(self.occlusion if self.has_shadows else 0.0)
+        strength = self.occlusion if self.has_shadows else 0.0
+        self.sheet.set_shadow_strength(strength)
+        self.sheet.set_hole_color(hole_color(cloth) if strength > 0.0 else None)
         self._set_representation(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:

@@ -42,9 +42,7 @@ class DrawingMethod(Enum):
     TILES = "tiles"
     #: In the window: the yarns in view, which replace that part of the sheet.
     NEAR = "near"
-    #: A sheet whose shader draws each yarn, a few pixels wide.
-    SHADER = "shader"
-    #: A sheet with the mean colours of its yarns, which are too thin to be seen.
+    #: A sheet with the mean colours of its yarns, or with tiles of them a few pixels wide.
     SHEET = "sheet"
 
 
@@ -56,8 +54,8 @@ SMALLEST_YARN = 2.0
 SMALLEST_IN_WINDOW = 3.0
 #: Yarns closer than this fill the picture with edges, which need more samples.
 _FINE = 4.0
-#: Of yarns closer than this only position, shading and colour can be seen.
-_RESOLVED_YARN = 8.0
+#: Of yarns closer than this, a sheet shows all that can be seen: position, shading and colour.
+TILED_YARN = 5.0
 
 # Widths of yarns, in pixels.
 
@@ -72,8 +70,6 @@ _PLIES = 16.0
 MANY_PATCHES = 300_000
 #: Up to this number the window draws all patches together.
 WINDOW_PATCHES = 60_000
-#: More patches take 5 s or longer to draw: the shader draws them where it can.
-SHADER_PATCHES = 1_500_000
 #: Most patches and quadrilaterals of a piece, which need some hundred megabytes. Each piece takes
 #: as long to draw as an empty picture, 0.2 s for 1920 x 1080.
 PIECE_PATCHES = 300_000
@@ -91,12 +87,8 @@ FILE_POINTS = 500_000
 #: Quadrilaterals along each side of a patch out of view.
 LEAST_SIDES = AUTOMATIC_SIDES
 
-# Limits of the sheet's shader.
-
-#: Most crossings in a row of its texture, a power of 2: older graphics cards take no more.
+#: Most crossings in a row of a sheet's texture, a power of 2: older graphics cards take no more.
 LONGEST_ROW = 8192
-#: Share by which yarns of a family may differ: the shader has one diameter and spacing for each.
-_MAX_VARIATION = 0.1
 
 
 @dataclass(frozen=True)
@@ -118,8 +110,8 @@ class DrawnCloth:
     subdivisions: int | None = None
     #: Whether colours show clearances, which belong to the quadrilaterals that are measured.
     clearance: bool = False
-    #: Whether the sheet's shader can draw each yarn.
-    suits_shader: bool = False
+    #: Yarns closer than this number of pixels are not drawn one by one, if there are many.
+    least_pixels: float = SMALLEST_YARN
 
     @property
     def follows_camera(self) -> bool:
@@ -145,7 +137,7 @@ class DrawnCloth:
             plies=max(int(np.max(family.plies)) for family in cloth.threads),
             subdivisions=scene.surface.subdivisions,
             clearance=scene.view.color == "clearance",
-            suits_shader=_suits_shader(scene, cloth),
+            least_pixels=_least_pixels(scene, cloth),
         )
 
 
@@ -166,13 +158,10 @@ class LevelOfDetail:
     pieces: int = 1
     #: Pixels from yarn to yarn.
     pixels: float = 0.0
+    #: Whether yarns are wide enough to be drawn one by one, however many they are.
+    shows_yarns: bool = False
     #: Memory for drawing, within a factor of two.
     bytes: int = 0
-
-    @property
-    def shows_yarns(self) -> bool:
-        """Whether yarns are wide enough to be seen."""
-        return self.pixels >= SMALLEST_YARN
 
     @property
     def is_sampled(self) -> bool:
@@ -210,7 +199,7 @@ def choose_level(
     opengl: bool = True,
     window: bool = False,
 ) -> LevelOfDetail:
-    """Choose how a scene's yarns are drawn, before any is made: WHOLE, SHADER or SHEET."""
+    """Choose how a scene's yarns are drawn, before any is made: WHOLE or SHEET."""
     # Without a request neither pixels nor memory matter. With one, SizeError is raised if the
     # result would not fit into memory.
     cloth = DrawnCloth.from_scene(scene)
@@ -225,10 +214,7 @@ def choose_level(
     sides = cloth.subdivisions or sides_for_pixels(scale * cloth.height)
     size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if flat_cloth(scene) else None
-    shader = opengl and not request.wireframe
-    form = choose_method(
-        cloth, face, fits_in_memory(size), opengl=opengl, shader=shader, window=window
-    )
+    form = choose_method(cloth, face, fits_in_memory(size), opengl=opengl, window=window)
     if form is DrawingMethod.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)
@@ -243,12 +229,11 @@ def choose_method(
     fit: bool = True,
     *,
     opengl: bool = True,
-    shader: bool = True,
     window: bool = False,
 ) -> DrawingMethod:
-    """Choose WHOLE, SHADER or SHEET."""
+    """Choose WHOLE or SHEET."""
     # `face`: pixels from yarn to yarn of a still cloth that is seen from its face, else None.
-    # `fit`: whether all yarns together fit into memory. `shader`: whether the sheet's may be used.
+    # `fit`: whether all yarns together fit into memory.
     if cloth.subdivisions is not None:
         # A request that takes hours is refused, not drawn in pieces.
         refused = cloth.patches * cloth.subdivisions**2 >= MOST_QUADS
@@ -260,9 +245,6 @@ def choose_method(
     many = WINDOW_PATCHES if window else MANY_PATCHES
     if fit and cloth.patches <= many and not thin:
         return DrawingMethod.WHOLE
-    resolved = face is not None and SMALLEST_YARN <= face < _RESOLVED_YARN
-    if resolved and shader and cloth.suits_shader and cloth.patches >= SHADER_PATCHES:
-        return DrawingMethod.SHADER
     return DrawingMethod.SHEET
 
 
@@ -270,7 +252,8 @@ def choose_near(
     cloth: DrawnCloth, scale: float, patches: int, size: tuple[int, int]
 ) -> LevelOfDetail:
     """Choose NEAR or SHEET for the yarns in the window's view, which have this many patches."""
-    if scale * cloth.spacing < SMALLEST_IN_WINDOW or patches > NEAR_PATCHES:
+    least = max(SMALLEST_IN_WINDOW, cloth.least_pixels)
+    if scale * cloth.spacing < least or patches > NEAR_PATCHES:
         return LevelOfDetail(DrawingMethod.SHEET)
     most = max(1, isqrt(_NEAR_QUADS // max(1, patches)))
     seen = facets_at_scale(cloth, scale, size)
@@ -286,6 +269,7 @@ def facets_at_scale(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> L
         plies=plies,
         fibres=cloth.width * scale > _FIBRES,
         pixels=cloth.spacing * scale,
+        shows_yarns=cloth.spacing * scale >= cloth.least_pixels,
     )
     if sides < MOST_SIDES or not cloth.follows_camera:
         return level
@@ -302,13 +286,10 @@ def quads_in_view(size: tuple[int, int]) -> int:
     return max(_VIEW_QUADS, prod(size) // _PIXELS_OF_QUAD)
 
 
-def _suits_shader(scene: Scene, cloth: Cloth) -> bool:
-    """Return whether the sheet's shader can draw each yarn."""
-    # It compares the heights of end and pick at each place, so that nothing may be hidden behind
-    # anything else.
-    if cloth.layers is not None or cloth.axis == "spline" or max(cloth.size) > LONGEST_ROW:
-        return False
-    if COLORINGS[scene.view.color].shows_numbers or scene.view.resolved_style.outline:
-        return False
-    measures = [m for yarns in cloth.yarns for m in (yarns.diameter, np.diff(yarns.position))]
-    return all(np.ptp(m) <= _MAX_VARIATION * np.mean(m) for m in measures if len(m))
+def _least_pixels(scene: Scene, cloth: Cloth) -> float:
+    """Return the pixels from yarn to yarn below which a sheet shows all that can be seen."""
+    # Lines around yarns and numbers on them are not on the tiles, and a texture of halved size has
+    # no tiles.
+    lined = scene.view.resolved_style.outline > 0.0
+    numbers = COLORINGS[scene.view.color].shows_numbers
+    return SMALLEST_YARN if lined or numbers or max(cloth.size) > LONGEST_ROW else TILED_YARN

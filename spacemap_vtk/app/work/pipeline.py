@@ -21,6 +21,7 @@ from spacemap_vtk.app.work.frame_request import FrameRequest, Pull, Swing
 from spacemap_vtk.cancel import CancelToken
 from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, points_of, shallow_copy
 from spacemap_vtk.datasets.processes import WHOLE, Piece
+from spacemap_vtk.draw.actors.cloth_appearance import appearance_of
 from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.sheet_actor import coarsen_sheet
 from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
@@ -303,6 +304,8 @@ class Pipeline:
         if sheet is None or not sheet.is_current(scene):
             has_sheet = choose_level(scene, window=True).has_sheet
             self._sheet = sheet = ClothSheet(scene) if has_sheet else None
+            if sheet is not None:  # here, because the window would stand still meanwhile
+                appearance_of(sheet.cloth).tables(tilted=True)
             self._near_yarns = self._near_drawn = None  # these belong to the former scene
         return sheet
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats, Ints, Singles
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
-from spacemap_vtk.textile.geometry.partition import representative_parts
+from spacemap_vtk.textile.geometry.partition import crop_cloth, representative_parts
 from spacemap_vtk.textile.geometry.visible_surface import (
     VisibleSurface,
     sample_surface,
@@ -44,10 +44,10 @@ _MOST_CROSSINGS = 256
 #: Crossings at the border of a part that are not counted.
 _MARGIN = 2
 #: Crossings along each side of the part that is viewed from other directions than the face.
-_TILTED = 14
+_TILTED = 12
 #: Pixels of a view along each side of a crossing: of the face, and from other directions.
 _PIXELS = 12.37
-_TILTED_PIXELS = 8.37
+_TILTED_PIXELS = 6.37
 
 
 class AppearanceTables(NamedTuple):
@@ -77,10 +77,13 @@ class ClothAppearance:
         ends, picks = (slice(each.start, min(each.stop, each.start + _TILTED)) for each in parts[0])
         self._tilted_facets = sample_surface(crop, YarnSelection(ends, picks), _TILTED_PIXELS)
         self._tilted_size, self._spacing = self._tilted_facets.size, self._tilted_facets.spacing
-        inner = np.zeros(self._tilted_size[::-1])
-        inner[tuple(slice(_MARGIN, -_MARGIN or None) if n > 2 * _MARGIN + 2 else slice(None) for n in inner.shape)] = 1.0
-        part = self._weights[0][: inner.shape[0], : inner.shape[1]]
-        self._tilted_weights = inner * np.where(inner.any() and (inner * part).any(), part, 1.0)
+        self._tilted_weights = np.zeros(self._tilted_size[::-1])
+        inner = tuple(
+            slice(_MARGIN, count - _MARGIN) if count > 2 * _MARGIN else slice(0, count)
+            for count in self._tilted_weights.shape
+        )
+        weights = self._weights[0][inner]
+        self._tilted_weights[inner] = weights if weights.any() else 1.0
         self._drawdowns = [crop.drawdown[picks, ends] for ends, picks in parts]
         self._weaves = [weaves[picks, ends] for ends, picks in parts]
         self._views: dict[tuple[float, float, int], list[VisibleSurface]] = {}
@@ -226,8 +229,6 @@ def _middle_part(cloth: Cloth) -> Cloth:
     """Return the middle of a cloth that has too many crossings; else the cloth."""
     if cloth.drawdown.size <= _NUMBERED:
         return cloth
-    from spacemap_vtk.textile.geometry.partition import crop_cloth
-
     side = int(_NUMBERED**0.5)
     ends, picks = (
         slice(max(0, (count - side) // 2), max(0, (count - side) // 2) + min(side, count))

@@ -50,7 +50,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
-from spacemap_vtk.ndarrays import Bytes, Ints
+from spacemap_vtk.ndarrays import Bytes, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
 from spacemap_vtk.scenes.styles import Style
@@ -87,7 +87,7 @@ out vec3 warpVS, weftVS, eyeVS;
 
 _CONSTANTS = f"""
 const int NODES = {NODES}, TURNS = {TURNS}, TILTS = {len(TILTS)};
-const float TILT[{len(TILTS)}] = float[{len(TILTS)}]({", ".join(str(np.radians(t)) for t in TILTS)});
+const float TILT[TILTS] = float[TILTS]({", ".join(f"{np.radians(t):.6f}" for t in TILTS)});
 const float LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
 const int TILE = {TILE}, TILES_IN_ROW = {TILES_IN_ROW};
 const float MOST_TILE_TEXELS = {_MOST_TILE_TEXELS}, TILED = {_TILED};
@@ -201,6 +201,17 @@ vec3 encoded(vec3 light)
   return mix(12.92 * light, 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, light));
 }
 
+// Hue of a code in the textures: see `response`.
+vec3 hueOf(vec3 code)
+{
+  float room = 1.0 - KNEE;
+  vec3 above_ = clamp((code - KNEE) / max(room, 1e-6), 0.0, 0.999);
+  vec3 shown = mix(code, KNEE + room * atanh(above_), step(KNEE, code));
+  float part = 0.4 * WHITE;
+  vec3 root = sqrt(max(part * part + 4.0 * LIGHT * (shown * shown - 0.6 * WHITE), 0.0));
+  return max(root - part, 0.0) / (2.0 * LIGHT);
+}
+
 // Share of a tent of half width 1 on the negative side of a place.
 float tent(float x)
 {
@@ -271,7 +282,7 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   for (int k = 0; k < 4; ++k)
   {
     int layer = (k + top) % 4;
-    vec3 own = hue * encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area));
+    vec3 own = hue * hueOf(encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area)));
     vec4 light = lightVS[layer];
     light.rgb *= mix(vec3(1.0), vec3(bounceVS[layer]), own * own);
     sum += texels[k].a / area * coverVS[layer] * meanLight(own, light, spreadVS[layer]);
@@ -336,7 +347,7 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     vec4 light = gainVS[k] * reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
     float arrived = 1.0 - shaded * (1.0 - exposed[k] / share);
     light *= arrived * arrived;
-    vec3 tone = hue * encoded(colors[k] / share);
+    vec3 tone = hue * hueOf(encoded(colors[k] / share));
     light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), tone * tone);
     sum += share / whole * coverGainVS[k] * meanLight(tone, light, 0.5 * spreadVS[k]);
   }
@@ -351,7 +362,7 @@ _FRAGMENT = """
   vec2 aside = (floor(gl_FragCoord.xy / grain) + 0.5) * grain - gl_FragCoord.xy;
   place += aside.x * right + aside.y * above_;
   vec2 reach = max(grain * sqrt(right * right + above_ * above_), vec2(1e-4));
-  vec3 open_ = decoded(mix(below, above, heightVS));
+  vec3 open_ = decoded(mix(mix(below, above, heightVS), hole.rgb, hole.a));
   bool tiled = averaged == 0 && TILED * max(reach.x, reach.y) < 1.0;
   vec3 light = tiled ? tiledLight(place, reach, diffuseColor, open_)
     : mixedLight(place, reach, diffuseColor, open_);
@@ -371,14 +382,22 @@ class SheetActor(SurfaceActor):
         self._shown: tuple[Any, ...] | None = None
         self._crossings: NDArray[Any] | None = None
         self.set_background((255, 255, 255), (255, 255, 255))
+        self.set_hole_color(None)
         self.set_grain(1)
         self._tables: AppearanceTables | None = None
+        #: Whether the sheet is flat and only seen from its face; then it is shown sooner.
+        self.shows_face = False
 
     def set_background(self, below: Sequence[int], above: Sequence[int]) -> None:
         """Set the colours of the background, which is visible between yarns."""
         uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
         uniforms.SetUniform3f("below", [part / 255 for part in below])
         uniforms.SetUniform3f("above", [part / 255 for part in above])
+
+    def set_hole_color(self, color: tuple[float, float, float] | None) -> None:
+        """Set the colour that is visible between yarns; None: the background."""
+        uniforms = self.GetShaderProperty().GetFragmentCustomUniforms()
+        uniforms.SetUniform4f("hole", [0.0] * 4 if color is None else [*color, 1.0])
 
     def set_grain(self, grain: int) -> None:
         """Set how many drawn pixels, along each side, make one pixel of the finished picture."""
@@ -405,7 +424,7 @@ class SheetActor(SurfaceActor):
             self.update_scale(color, span)
             self.GetMapper().SetScalarVisibility(False)  # the texture contains the colours
             self.color_bar.SetVisibility(True)
-        state = cloth, color, None if numbers is None else span
+        state = cloth, color, None if numbers is None else span, lighting_style
         if self._shown == state and self._crossings is crossings:
             return
         self._shown, self._crossings = state, crossings
@@ -418,8 +437,10 @@ class SheetActor(SurfaceActor):
             colors = _yarn_colors(cloth, color)
         else:
             colors = _crossing_colors(crossings, color, state[2])
+        table = response(lighting_style, np.arange(256) / 255)
+        codes = np.rint(255 * table).astype(np.uint8)
         warp_over, weft_over, warp_under, weft_under = color_layers(
-            cloth.drawdown, *colors, cloth.layers
+            cloth.drawdown, codes[colors[0]], codes[colors[1]], cloth.layers
         )
         for everywhere, on_top in ((warp_under, warp_over), (weft_under, weft_over)):
             everywhere[..., :3] += on_top[..., :3]
@@ -448,7 +469,7 @@ class SheetActor(SurfaceActor):
 
     def _show_appearance(self, appearance: ClothAppearance) -> None:
         """Show the tables of a cloth."""
-        tables = appearance.tables(tilted=True)
+        tables = appearance.tables(tilted=not self.shows_face)
         if tables is self._tables:
             return
         self._tables = tables
@@ -473,6 +494,8 @@ class SheetActor(SurfaceActor):
         if self._shader_key == (light,):
             return
         self._shader_key = (light,)
+        received, white = mean_light(style)
+        mean = f"const float LIGHT = {received!r}, WHITE = {white!r}, KNEE = {style.knee!r};\n"
         shader.ClearAllShaderReplacements()
         for tag, text in (
             ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _CONSTANTS + light + _VERTEX_FUNCTIONS),
@@ -482,12 +505,41 @@ class SheetActor(SurfaceActor):
         for tag, text in (
             (
                 "//VTK::TCoord::Dec",
-                _FRAGMENT_DECLARATIONS + _CONSTANTS + light + _FRAGMENT_FUNCTIONS,
+                _FRAGMENT_DECLARATIONS + _CONSTANTS + mean + light + _FRAGMENT_FUNCTIONS,
             ),
             ("//VTK::Light::Impl", _FRAGMENT),
             ("//VTK::TCoord::Impl", ""),
         ):
             shader.AddFragmentShaderReplacement(tag, True, text, False)
+
+
+def mean_light(style: Style) -> tuple[float, float]:
+    """Return the coloured and the white light of a surface that faces the camera."""
+    received = 0.5 * (style.sky[1] + style.earth[1])
+    for lamp in style.lamps:
+        toward = lamp.place[2] / float(np.linalg.norm(lamp.place))
+        reached = max(toward + style.wrap, 0.0) / (1.0 + style.wrap)
+        received += reached * lamp.strength * lamp.color[1]
+    if not style.lamps:
+        return received, 0.0
+    x, y, z = np.array(style.lamps[0].place) / np.linalg.norm(style.lamps[0].place)
+    halfway = (z + 1.0) / float(np.sqrt(x * x + y * y + (z + 1.0) ** 2))
+    white = float(style.gloss * halfway**style.gloss_power)
+    return float(received * (1.0 - style.gloss)), white
+
+
+def response(style: Style, hue: Floats) -> Floats:
+    """Return the displayed values of hues under the mean light of a style, 0 to 1."""
+    # The textures contain these values, because means over many yarns are those of displayed light,
+    # in which bright colours are compressed. The shader turns the means back into hues, which it
+    # lights as a surface is lit.
+    received, white = mean_light(style)
+    shown = np.sqrt(hue**2 * received + white * (0.6 + 0.4 * hue))
+    if style.knee < 1.0:
+        room = 1.0 - style.knee
+        bent = style.knee + room * np.tanh((shown - style.knee) / room)
+        shown = np.where(shown > style.knee, bent, shown)
+    return np.minimum(shown, 1.0)
 
 
 def make_sheet(cloth: Cloth, cells: tuple[int, int]) -> vtkPolyData:

@@ -71,6 +71,11 @@ class ClothUnderlay:
         return Underlay(_make_sheets(self._sheet), self._color)
 
 
+def hole_color(cloth: Cloth) -> Rgb | None:
+    """Return the colour of the holes between a cloth's yarns; None for open cloth."""
+    return _shaded_color(cloth) if open_share(cloth) <= CLOSED else None
+
+
 def open_share(cloth: Cloth) -> float:
     """Compute the share of a cloth's area that no yarn covers, from mean widths and spacings."""
     warp, weft = (max(0.0, 1.0 - family.width / family.spacing) for family in cloth.families)

@@ -8,8 +8,6 @@ be lit: yarns on top of the cloth get one light, and yarns seen between them get
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,47 +17,6 @@ from spacemap_vtk.textile.weave.double_weave import Layers
 
 #: Share of the light that reaches the cloth behind.
 _SHADE = 0.6
-
-
-@dataclass(frozen=True)
-class YarnShading:
-    """Measures of a family's yarns that decide how much light they reflect."""
-
-    #: Width over height of the section; width over spacing.
-    aspect: float
-    cover: float
-    #: Root mean square slope of the axes where yarns are on top, and where they dive, in rad.
-    slope_over: float
-    slope_under: float
-
-
-def yarn_shading(cloth: Cloth) -> tuple[YarnShading, YarnShading]:
-    """Compute the mean measures of warp and weft.
-
-    Parameters
-    ----------
-    cloth : Cloth
-        There must be room for its yarns.
-
-    Returns
-    -------
-    tuple of YarnShading
-        Warp and weft.
-    """
-    made = []
-    for number, (family, threads) in enumerate(zip(cloth.families, cloth.threads, strict=True)):
-        gaps = np.diff(cloth.drawdown, axis=number)  # True where a yarn changes side
-        share = float(np.count_nonzero(gaps)) / gaps.size if gaps.size else 0.0
-        theta = float(family.crimp.theta)
-        made.append(
-            YarnShading(
-                threads.aspect,
-                min(family.width / family.spacing, 1.0),
-                0.4 * theta * float(np.sqrt(share)),
-                0.7 * theta * float(np.sqrt(share)),
-            )
-        )
-    return made[0], made[1]
 
 
 def color_layers(

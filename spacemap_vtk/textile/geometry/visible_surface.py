@@ -1,7 +1,7 @@
-"""What is visible of a cloth's yarns from a direction: normals, exposure and families of pixels.
+"""What is visible of a cloth's yarns from a direction: normals, exposure and families.
 
-Each patch is divided into facets smaller than a pixel, and each pixel shows the nearest facet at its
-centre. Nothing here depends on the shape of sections or axes: all comes from the patches that
+Each patch is divided into facets smaller than a pixel, and each pixel shows the nearest facet at
+its centre. Nothing here depends on the shape of sections or axes: all comes from the patches that
 pictures of single yarns show.
 """
 
@@ -100,7 +100,7 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
         weights = None if weave.weights is None else weave.weights[patches[chosen]]
         found.append(_evaluate(net[chosen].reshape(-1, 16, 3), weights, rows, columns))
         face = strands.face(chosen, (np.arange(rows) + 0.5) / rows).T.repeat(columns, axis=1)
-        exposure.append(exposed.at(found[-1][0], face.ravel()))
+        exposure.append(exposed.at(found[-1][0], face.ravel(), np.zeros(face.size)))
         family.append(np.repeat(weave.family[: weave.tube_patches][chosen], rows * columns))
     middle, side_u, side_v = (np.concatenate(each) for each in zip(*found, strict=True))
     for number in (0, 1):
@@ -110,8 +110,10 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
     inside = ((middle[:, :2] >= 0.0) & (middle[:, :2] <= crop.size)).all(axis=1)
     middle[:, :2] *= spacing
     return SurfaceFacets(
-        *(each[inside].astype(np.float32) for each in (middle, side_u, side_v)),
-        np.concatenate(exposure)[inside],
+        middle[inside].astype(np.float32),
+        side_u[inside].astype(np.float32),
+        side_v[inside].astype(np.float32),
+        np.minimum(np.concatenate(exposure)[inside], np.float32(1.0)),
         np.concatenate(family)[inside].astype(np.uint8),
         crop.size,
         spacing,
@@ -162,7 +164,10 @@ def view_surface(surface: SurfaceFacets, toward_eye: Floats, pixels: float) -> V
     hits = []
     for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):
         column, row = first[:, 0] + i, first[:, 1] + j
-        x, y = (each.astype(np.float32) + np.float32(0.5) - middle[:, k] for k, each in enumerate((column, row)))
+        x, y = (
+            each.astype(np.float32) + np.float32(0.5) - middle[:, k]
+            for k, each in enumerate((column, row))
+        )
         along_u, along_v = (x * v[:, 1] - y * v[:, 0]) / area, (y * u[:, 0] - x * u[:, 1]) / area
         inside = (np.abs(along_u) <= _HALF) & (np.abs(along_v) <= _HALF)
         inside &= (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
@@ -197,7 +202,7 @@ def view_surface(surface: SurfaceFacets, toward_eye: Floats, pixels: float) -> V
     )
 
 
-def _count_facets(net: Floats, axis: int, step: float) -> Ints:
+def _count_facets(net: AnyFloats, axis: int, step: float) -> Ints:
     """Return the number of facets along an axis of each patch."""
     lengths = np.linalg.norm(np.diff(net, axis=axis), axis=-1).sum(axis=axis).max(axis=1)
     return _COUNTS[np.minimum(np.searchsorted(_COUNTS, lengths / step), len(_COUNTS) - 1)]
@@ -208,9 +213,7 @@ def _evaluate(
 ) -> tuple[Floats, Floats, Floats]:
     """Return middles and sides of rows x columns facets of each patch."""
     u, v = ((np.arange(count) + 0.5) / count for count in (columns, rows))
-    along_u, along_v = (
-        (bernstein(3, each), bernstein_derivative(3, each)) for each in (u, v)
-    )
+    along_u, along_v = ((bernstein(3, each), bernstein_derivative(3, each)) for each in (u, v))
     bases = [
         np.einsum("vj,ui->vuji", along_v[j], along_u[i]).reshape(-1, 16)
         for i, j in ((0, 0), (1, 0), (0, 1))
@@ -235,7 +238,9 @@ def _borders(cloth: Cloth, number: int) -> Floats:
     return np.concatenate([[place[0] - half], middle, [place[-1] + half]])
 
 
-def weights_of_crossings(weaves: AnyInts, parts: list[tuple[slice, slice]], margin: int) -> list[Floats]:
+def weights_of_crossings(
+    weaves: AnyInts, parts: list[tuple[slice, slice]], margin: int
+) -> list[Floats]:
     """Return the share of the cloth that each crossing of some parts stands for.
 
     Parameters
@@ -262,7 +267,9 @@ def weights_of_crossings(weaves: AnyInts, parts: list[tuple[slice, slice]], marg
         sampled += np.bincount(weaves[picks, ends].ravel(), mask.ravel(), len(counts))
         inner.append(mask)
     share = counts / np.maximum(sampled, 1.0)
-    made = [mask * share[weaves[picks, ends]] for mask, (ends, picks) in zip(inner, parts, strict=True)]
+    made = [
+        mask * share[weaves[picks, ends]] for mask, (ends, picks) in zip(inner, parts, strict=True)
+    ]
     total = sum(float(each.sum()) for each in made)
     return [each / total for each in made]
 

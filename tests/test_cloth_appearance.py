@@ -1,0 +1,59 @@
+"""What is visible of a cloth, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.draw.actors.cloth_appearance import NODES, TILTS, TURNS, ClothAppearance
+from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
+from spacemap_vtk.textile.geometry.visible_surface import sample_surface, view_surface
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
+
+PLAIN = np.indices((12, 12)).sum(axis=0) % 2
+
+
+def test_open_share_is_that_of_the_gaps() -> None:
+    cloth = Cloth(
+        drawdown=PLAIN,
+        warp=Threads(diameter=0.3, spacing=0.5),
+        weft=Threads(diameter=0.2, spacing=0.6),
+    )
+    table = ClothAppearance(cloth).tables(tilted=False).views[0]
+    shares = table[: NODES**2].sum(axis=0)
+    warp, weft = 0.3 / 0.5, 0.2 / 0.6
+    assert table[-1, 0] == pytest.approx((1 - warp) * (1 - weft), abs=0.01)
+    # On top, a yarn shows all of its width; below, only what the other leaves.
+    assert shares == pytest.approx([warp, weft, warp * (1 - weft), weft * (1 - warp)], abs=0.015)
+
+
+def test_normals_of_a_tube_are_those_of_a_circle() -> None:
+    # A straight end over picks that are hardly there: its normals are spread evenly across.
+    cloth = Cloth(
+        drawdown=np.ones((12, 12)),
+        warp=Threads(diameter=0.3, spacing=0.5),
+        weft=Threads(diameter=1e-3, spacing=0.5),
+    )
+    facets = sample_surface(cloth, YarnSelection(slice(0, 12), slice(0, 12)), 16.3)
+    visible = view_surface(facets, np.array([0.0, 0.0, 1.0]), 16.3)
+    across = visible.normals[visible.family == 0][:, 0]
+    assert np.mean(across) == pytest.approx(0.0, abs=0.02)
+    assert np.mean(across**2) == pytest.approx(1 / 3, abs=0.02)
+
+
+def test_less_is_open_the_more_the_cloth_is_tilted() -> None:
+    threads = Threads(diameter=0.25, spacing=0.5)
+    cloth = Cloth(drawdown=PLAIN, warp=threads, weft=threads)
+    open_ = ClothAppearance(cloth).tables(tilted=True).views[:, -1, 0]
+    front = open_[: len(TILTS) * TURNS].reshape(len(TILTS), TURNS)
+    assert (np.diff(front, axis=0) < 0.0).all()
+    # Seen along the picks, the gaps between ends close where their projected width is zero.
+    assert front[-1].max() < 0.01
+
+
+def test_a_cloth_of_one_crossing_has_an_appearance() -> None:
+    threads = Threads(diameter=0.25, spacing=0.5)
+    made = ClothAppearance(Cloth(drawdown=[[1]], warp=threads, weft=threads))
+    assert np.isfinite(made.tables(tilted=True).views).all()
+    assert made.numbers.tolist() == [[0]]
