@@ -70,7 +70,7 @@ def compare(weave: dict[str, Any], yarns: int, pixels: float, tilt: float) -> tu
     half = 0.14 * yarns * SPACING
     view = Viewpoint(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.05), half)
     side = 8 * round(2 * half * pixels / SPACING / 8)
-    fine = math.ceil(14 / pixels)
+    fine = math.ceil(10 / pixels)
     values = {
         "weave": {**weave, "ends": yarns, "picks": yarns},
         "view": {"camera": "face", "irregularity": 0.0},

@@ -33,8 +33,11 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 TILTS = (0.0, 35.0, 60.0, 78.0)
 TURNS = 8
 #: Normals along each side of the grid of normals, which is stereographic: a normal n lies at
-#: (n.x, n.y) / (1 + n.z).
-NODES = 7
+#: p = (n.x, n.y) / (1 + n.z). The nodes are at p = t |t| for t in equal steps from -1 to 1, closer
+#: around the normal of the cloth, where most normals are.
+NODES = 9
+#: Strength of contact shadows for which means of exposures are exact: about that of all styles.
+_SHADOWS = 0.6
 #: Texels along each side of the tile of a crossing, a power of 2.
 TILE = 8
 #: Tiles in a row of the texture of tiles.
@@ -61,7 +64,7 @@ class AppearanceTables(NamedTuple):
     tiles: NDArray[np.uint8]
     """Texture of the tiles, (rows, columns, 4): six blocks of rows, one above the other. First for
     warp and weft on the front, then on the back: normal and share. Then the exposures of these
-    four. Last the open shares on both faces."""
+    four, times their shares. Last the open shares on both faces."""
 
 
 class ClothAppearance:
@@ -159,16 +162,19 @@ class ClothAppearance:
             chosen = (family >= 0) & (weight > 0.0)
             x, y = _grid_places(visible.normals[chosen], view[2])
             amount = weight[chosen] / pixels
+            arrived = (1.0 - _SHADOWS * (1.0 - visible.exposure[chosen])) ** 2
             for i, j, share in _corners(x, y):
                 node = (layer[chosen] * NODES + j) * NODES + i
-                for table, factor in zip(tables, (1.0, visible.exposure[chosen]), strict=True):
+                for table, factor in zip(tables, (1.0, arrived), strict=True):
                     values = amount * share * factor
                     table += np.bincount(node, values, table.size).reshape(table.shape)
             open_ += float(weight[family < 0].sum()) / pixels
             whole += float(weights.sum())
             on_top += [weights[warp_over].sum(), weights[~warp_over].sum()]
         crossings = np.concatenate([on_top, on_top[::-1]])
-        tables[1] /= np.maximum(tables[0], 1e-12)
+        # The exposure at which as much light arrives as at all of these.
+        mean = np.sqrt(tables[1] / np.maximum(tables[0], 1e-12))
+        tables[1] = np.where(tables[0] > 0.0, 1.0 - (1.0 - mean) / _SHADOWS, 1.0)
         tables[0] /= np.maximum(crossings, 1e-9)[:, None, None]
         return tables.transpose(1, 0, 2, 3).reshape(4, -1), open_ / whole
 
@@ -198,10 +204,9 @@ class ClothAppearance:
                     for k, value in enumerate(values.T):
                         sums[side, ..., k] += np.bincount(place, value, 2 * texels).reshape(-1, 2)
         share = sums / np.maximum(pixels, 1.0)[..., None, None]
-        exposure = sums[..., 4] / np.maximum(sums[..., 3], 1.0)
         share[..., :2] = 0.5 + 0.5 * share[..., :2]
         blocks = [share[side, :, family, :4] for side in (0, 1) for family in (0, 1)]
-        blocks.append(exposure.transpose(1, 0, 2).reshape(texels, 4))
+        blocks.append(share[..., 4].transpose(1, 0, 2).reshape(texels, 4))
         blocks.append(np.zeros((texels, 4)))
         blocks[-1][:, :2] = 1.0 - share[..., 3].sum(axis=-1).T
         rows = -(-count // TILES_IN_ROW)
@@ -240,8 +245,9 @@ def _middle_part(cloth: Cloth) -> Cloth:
 def _grid_places(normals: Singles, side: int) -> tuple[Floats, Floats]:
     """Return places of normals in the grid of normals, 0 to NODES - 1; z points to the viewer."""
     up = np.maximum(normals[:, 2].astype(np.float64) * side, -0.5)
-    place = normals[:, :2] / (1.0 + up)[:, None]
-    x, y = np.clip(0.5 * (place + 1.0), 0.0, 1.0).T * (NODES - 1)
+    place = np.clip(normals[:, :2] / (1.0 + up)[:, None], -1.0, 1.0)
+    steps = np.linspace(-1.0, 1.0, NODES)
+    x, y = np.interp(place, steps * np.abs(steps), np.arange(NODES)).T
     return x, y
 
 

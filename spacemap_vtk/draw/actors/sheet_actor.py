@@ -143,7 +143,7 @@ _VERTEX = """
     if (share + here == vec4(0.0)) continue;
     int column = NODES * NODES + node;
     vec4 open = openTo(sharesOf(column, face, rows, left, right, aside, steep));
-    vec2 p = 2.0 * vec2(node % NODES, node / NODES) / float(NODES - 1) - 1.0;
+    vec2 t = 2.0 * vec2(node % NODES, node / NODES) / float(NODES - 1) - 1.0, p = t * abs(t);
     vec3 own = vec3(2.0 * p, 1.0 - dot(p, p)) / (1.0 + dot(p, p));
     vec4 light = reflectedLight(normalize(own.x * weft + own.y * warp + own.z * up), eye);
     vec4 amount = share * open;
@@ -329,8 +329,8 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
       normals[b] += area * vec4(2.0 * ofWeft.xy - 1.0, ofWeft.zw);
       colors[a] += area * ofWarp.w * warp.rgb;
       colors[b] += area * ofWeft.w * weft.rgb;
-      exposed[a] += area * ofWarp.w * ofFace.x;
-      exposed[b] += area * ofWeft.w * ofFace.y;
+      exposed[a] += area * ofFace.x;
+      exposed[b] += area * ofFace.y;
       opened += area * (gl_FrontFacing ? holes.x : holes.y);
       whole += area;
     }
@@ -338,6 +338,8 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   vec3 warp = normalize(warpVS), weft = normalize(weftVS), eye = normalize(eyeVS);
   vec3 up = normalize(cross(weft, warp));
   up = dot(up, eye) < 0.0 ? -up : up;
+  // Where a pixel contains a whole crossing, its light is spread as everywhere.
+  float blurred = clamp(max(reach.x, reach.y) * TILED, 0.0, 1.0);
   vec3 sum = min(openVS.y * opened / whole, 1.0) * open;
   for (int k = 0; k < 4; ++k)
   {
@@ -349,7 +351,7 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     light *= arrived * arrived;
     vec3 tone = hue * hueOf(encoded(colors[k] / share));
     light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), tone * tone);
-    sum += share / whole * coverGainVS[k] * meanLight(tone, light, 0.5 * spreadVS[k]);
+    sum += share / whole * coverGainVS[k] * meanLight(tone, light, spreadVS[k] * blurred);
   }
   return sum;
 }
