@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkBoundingBox
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -259,7 +260,10 @@ class Picture:
         if pieces is not None:
             # All pieces need the same range. Otherwise depths of different pieces could not be
             # compared.
-            low, high = np.array(window.renderer.ComputeVisiblePropBounds()).reshape(3, 2).T
+            assert self.sheet is not None
+            visible = vtkBoundingBox(self.sheet.moved.GetBounds())
+            visible.AddBounds(window.renderer.ComputeVisiblePropBounds())
+            low, high = np.array(visible.GetMinPoint()), np.array(visible.GetMaxPoint())
             bounds = np.stack([low - self._relief, high + self._relief], axis=1)
             window.renderer.ResetCameraClippingRange(*bounds.ravel().tolist())
 

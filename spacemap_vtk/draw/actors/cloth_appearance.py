@@ -30,7 +30,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Angles between the eye and the normal of the cloth, in degrees, and number of directions of the
 #: eye around the normal.
-TILTS = (0.0, 35.0, 60.0, 78.0)
+TILTS = (0.0, 25.0, 45.0, 62.0, 78.0)
 TURNS = 8
 #: Normals along each side of the grid of normals, which is stereographic: a normal n lies at
 #: p = (n.x, n.y) / (1 + n.z). The nodes are at p = t |t| for t in equal steps from -1 to 1, closer
