@@ -66,6 +66,8 @@ _LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
 _LEVELS = 6
 #: Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
 _MOST_TEXELS = 400
+#: Light of a closed cloth relative to that of a plane, roughly: colours are mixed as seen in it.
+_REFLECTED = 0.7
 #: Largest number of texels of tiles that a pixel sums along each side.
 _MOST_TILE_TEXELS = 4.5
 #: Yarns wider than this number of pixels are drawn by their tiles.
@@ -516,7 +518,7 @@ class SheetActor(SurfaceActor):
 
 
 def mean_light(style: Style) -> tuple[float, float]:
-    """Return the coloured and the white light of a surface that faces the camera."""
+    """Return the coloured and the white light of a cloth that faces the camera."""
     received = 0.5 * (style.sky[1] + style.earth[1])
     for lamp in style.lamps:
         toward = lamp.place[2] / float(np.linalg.norm(lamp.place))
@@ -526,8 +528,8 @@ def mean_light(style: Style) -> tuple[float, float]:
         return received, 0.0
     x, y, z = np.array(style.lamps[0].place) / np.linalg.norm(style.lamps[0].place)
     halfway = (z + 1.0) / float(np.sqrt(x * x + y * y + (z + 1.0) ** 2))
-    white = float(style.gloss * halfway**style.gloss_power)
-    return float(received * (1.0 - style.gloss)), white
+    white = style.gloss * halfway**style.gloss_power
+    return float(_REFLECTED * received * (1.0 - style.gloss)), float(_REFLECTED * white)
 
 
 def response(style: Style, hue: Floats) -> Floats:

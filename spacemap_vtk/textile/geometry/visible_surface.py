@@ -31,10 +31,10 @@ _HALF = np.float32(0.5 + 1e-3)
 
 
 class SurfaceFacets(NamedTuple):
-    """Small parallelograms on the yarns of a part of a cloth, (n, 3) or (n,).
+    """Small parallelograms on the yarns of a part of a cloth, (n, 3) or (n,)."""
 
-    Distances along the cloth are counted in mean spacings, so that all crossings are equally large.
-    """
+    # Distances along the cloth are counted in mean spacings, so that all crossings are equally
+    # large.
 
     middle: Singles
     """Along the picks, along the ends, and up, in m; a corner of the part is the origin."""
