@@ -321,5 +321,5 @@ def _draw_reduced(
 def describe_limit(limit: int | float) -> str:
     """Describe which floats are marked: over more threads, or longer in m."""
     if isinstance(limit, int):
-        return f"floats over more than {limit} threads are marked"
+        return f"floats over more than {limit} thread{'s' if limit > 1 else ''} are marked"
     return f"floats longer than {format_quantity(limit, 'm', 3)} are marked"

@@ -119,6 +119,8 @@ class Flow:
             columns = []
             for _ in range(self.columns):
                 count = _break_at(rows, most)
+                if not count and found:
+                    count = most  # rows that belong together are longer than a column
                 column, rows = rows[:count], rows[count:]
                 while column and not (column[0].texts or column[0].ticks):
                     column = column[1:]
@@ -139,7 +141,7 @@ def _break_at(rows: list[Row], most: int) -> int:
     count = most
     while count and rows[count - 1].keep:
         count -= 1
-    return count or most
+    return count
 
 
 def draw_columns(page: Page, box: Box, columns: list[list[Row]]) -> None:

@@ -11,8 +11,8 @@ from spacemap_vtk.draw.draft_print.paper import MARGIN, Box
 from spacemap_vtk.draw.draft_print.settings import PAPERS
 from spacemap_vtk.textile.drafts.repeats import border_depths, cut_into_bands
 
-#: Largest side of a cell, in mm.
-LARGEST_CELL = 4.5
+#: Largest side of a cell, and one that is large enough for anybody, in mm.
+LARGEST_CELL, _LARGE_CELL = 4.5, 3.0
 #: Width of the gaps between grids, which contain numbers of picks and shafts, in mm.
 NUMBERS_WIDTH = 5.6
 #: Height of the gaps between grids, which contain numbers of ends and treadles, in mm.
@@ -120,19 +120,21 @@ def place_whole_draft(
         (box.width - beside[0][2]) / (ends + beside[0][0]),
         (box.height - high - caption) / (count * picks + shafts),
     )
-    cell = min(max(side_by_side, stacked), max(LARGEST_CELL, least))
+    # Side by side they leave room for the groups below.
+    is_row = side_by_side >= min(stacked, max(_LARGE_CELL, least))
+    cell = min(side_by_side if is_row else stacked, max(LARGEST_CELL, least))
     if cell < least:
         return []
     charts: list[tuple[Chart, Box]] = []
     left, top = box.left, box.top + _CAPTION
     for face, (columns, shafts, wide, high) in zip(faces, beside, strict=True):
         width, height = (ends + columns) * cell + wide, (picks + shafts) * cell + high
-        if side_by_side >= stacked and charts:
+        if is_row and charts:
             # The picks of both faces are beside each other.
             top += beside[0][1] * cell
         place = Box(left, top, width, height)
         charts.append((Chart((0, ends), (0, picks), face, cell), place))
-        if side_by_side >= stacked:
+        if is_row:
             left += width + _GAP
         else:
             top += height + _CAPTION
