@@ -259,7 +259,8 @@ def test_click_picks_the_yarn_under_the_mouse(open_scene: Any) -> None:
     # Nothing moves at t = 0.
     type_into(window.times.line, "0")
     wait_until(lambda: settled(window) and window.view.frame.time == 0.0)
-    np.testing.assert_allclose(labels.labels[0][0], pick.rest, atol=1e-9)
+    # Colours with a scale show regular yarns, which lie slightly aside.
+    np.testing.assert_allclose(labels.labels[0][0], pick.rest, atol=2e-5)
     forget = window.tools.keys.appearance_actions[-1]
     assert forget.shortcut().toString() == "Esc"
     forget.trigger()
