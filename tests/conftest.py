@@ -126,7 +126,10 @@ def kept_modes(no_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 #: What takes longest comes first: so no worker is left with it when the others are done.
-_SLOW = ("test_paraview", "test_scenes", "test_mpi", "test_window_files", "test_window_lives")
+_SLOW = (
+    *("test_paraview", "test_scenes", "test_mpi", "test_site", "test_contributing", "test_cages"),
+    *("test_window_export", "test_window_files", "test_window_lives"),
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
