@@ -94,16 +94,15 @@ class ClothAppearance:
         #: Tile of each crossing of the cloth.
         self.numbers = self._number_tiles(cloth, crop, weaves)
 
-    def _number_tiles(self, cloth: Cloth, crop: Cloth, weaves: Ints) -> Ints:
+    def _number_tiles(self, cloth: Cloth, crop: Cloth, weaves: Ints) -> NDArray[np.uint16]:
         """Number the tiles; two more stand for local weaves that were not viewed."""
         seen = np.unique(np.concatenate([each.ravel() for each in self._weaves]))
         self._tile_of_weave = np.full(int(weaves.max()) + 1, -1)
         self._tile_of_weave[seen] = np.arange(len(seen))
         self._tile_count = len(seen) + 2
-        if crop is cloth:
-            numbers = self._tile_of_weave[weaves]
-        else:
-            numbers = np.full(cloth.drawdown.shape, -1)
+        if crop is not cloth:
+            return len(seen) + cloth.drawdown.astype(np.uint16)
+        numbers = self._tile_of_weave[weaves]
         missing = numbers < 0
         numbers[missing] = len(seen) + cloth.drawdown[missing]
         return numbers.astype(np.uint16)

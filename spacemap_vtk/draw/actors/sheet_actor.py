@@ -64,6 +64,8 @@ _LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
 #: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
 #: power.
 _LEVELS = 6
+#: Number of picks whose texels are made together, a power of 2.
+_BAND = 512
 #: Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
 _MOST_TEXELS = 400
 #: Light of a closed cloth relative to that of a plane, roughly: colours are mixed as seen in it.
@@ -443,26 +445,18 @@ class SheetActor(SurfaceActor):
             colors = _crossing_colors(crossings, color, state[2])
         table = response(lighting_style, np.arange(256) / 255)
         codes = np.rint(255 * table).astype(np.uint8)
-        warp_over, weft_over, warp_under, weft_under = color_layers(
-            cloth.drawdown, codes[colors[0]], codes[colors[1]], cloth.layers
-        )
-        for everywhere, on_top in ((warp_under, warp_over), (weft_under, weft_over)):
-            everywhere[..., :3] += on_top[..., :3]
-            everywhere[..., 3] = on_top[..., 3]
-        textures = warp_over, weft_over, warp_under, weft_under
+        textures = _make_layers(cloth, (codes[colors[0]], codes[colors[1]]), halvings)
         for name, pixels in zip(_LAYERS, textures, strict=True):
             texture = self.GetProperty().GetTexture(name)
             if texture is None:
                 texture = _make_texture()
                 self.GetProperty().SetTexture(name, texture)
             # The texture is never replaced: see `SurfaceActor._set_texture`.
-            for _ in range(halvings):
-                pixels = _halve(pixels)
             texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
         appearance = appearance_of(cloth)
-        numbers = appearance.numbers
-        codes = np.stack([numbers % 256, numbers // 256, 0 * numbers], axis=-1).astype(np.uint8)
-        self._set_data("tileNumbers", to_image(codes if not halvings else codes[:1, :1]))
+        tiles = appearance.numbers[:1, :1] if halvings else appearance.numbers
+        bytes_ = [(tiles % 256).astype(np.uint8), (tiles // 256).astype(np.uint8)]
+        self._set_data("tileNumbers", to_image(np.stack([*bytes_, bytes_[1]], axis=-1)))
         self._show_appearance(appearance)
 
     def set_shadow_strength(self, strength: float) -> None:
@@ -621,6 +615,30 @@ def _crossing_colors(crossings: NDArray[Any], color: str, span: Span | None) -> 
     else:
         colors = ramp_colors(crossings, span)
     return colors[0], colors[-1]
+
+
+def _make_layers(cloth: Cloth, colors: tuple[Bytes, Bytes], halvings: int) -> list[Bytes]:
+    """Return the textures of a cloth, halved some times; it is made in bands of picks."""
+    warp, weft = colors
+    bands: list[list[Bytes]] = [[], [], [], []]
+    for start in range(0, cloth.size[1], _BAND):
+        band = slice(start, start + _BAND)
+        layers = None if cloth.layers is None else cloth.layers.crop(slice(None), band)
+        made = color_layers(
+            cloth.drawdown[band],
+            warp[band] if warp.ndim == 3 else warp,
+            weft[band] if weft.ndim == 3 or len(weft) > 1 else weft,
+            layers,
+        )
+        warp_over, weft_over, warp_under, weft_under = made
+        for everywhere, on_top in ((warp_under, warp_over), (weft_under, weft_over)):
+            everywhere[..., :3] += on_top[..., :3]
+            everywhere[..., 3] = on_top[..., 3]
+        for parts, pixels in zip(bands, made, strict=True):
+            for _ in range(halvings):
+                pixels = _halve(pixels)
+            parts.append(pixels)
+    return [np.concatenate(parts) for parts in bands]
 
 
 def _pad(pixels: Bytes, levels: int) -> Bytes:
