@@ -83,7 +83,7 @@ uniform sampler2D views;  // shares and exposures of normals, see ClothAppearanc
 out vec4 lightVS[4];  // mean light of warp and weft, on top and below, if the yarns are black
 out vec4 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
 out vec4 coverVS;  // share of a crossing that each of these fills
-out vec4 gainVS, coverGainVS;  // light and shares, relative to those of the tiles
+out vec4 gainVS, whiteGainVS, coverGainVS;  // light and shares, relative to those of the tiles
 out vec2 openVS;  // share of a crossing that is open, and relative to that of the tiles
 out float heightVS;
 out vec3 warpVS, weftVS, eyeVS;
@@ -169,8 +169,9 @@ _VERTEX = """
   {
     lightVS[k] = sums[k] / max(total[k], 1e-6);
     vec3 own = means[k] / max(ofFace[k], 1e-6);
-    float ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye).g;
-    gainVS[k] = min(lightVS[k].g / max(ofMean * exposed[k], 1e-3), 4.0);
+    vec4 ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye) * exposed[k];
+    gainVS[k] = min(lightVS[k].g / max(ofMean.g, 1e-3), 4.0);
+    whiteGainVS[k] = min(lightVS[k].a / max(ofMean.a, 1e-4), 8.0);
     float mean = max(lightVS[k].g, 1e-6);
     bounceVS[k] = bounced[k] / max(sums[k].g, 1e-6);
     spreadVS[k] = sqrt(max(squares[k] / max(total[k], 1e-6) / (mean * mean) - 1.0, 0.0));
@@ -187,7 +188,7 @@ _VERTEX = """
 _FRAGMENT_DECLARATIONS = """
 //VTK::TCoord::Dec
 in vec4 lightVS[4];
-in vec4 bounceVS, spreadVS, coverVS, gainVS, coverGainVS;
+in vec4 bounceVS, spreadVS, coverVS, gainVS, whiteGainVS, coverGainVS;
 in vec2 openVS;
 in float heightVS;
 in vec3 warpVS, weftVS, eyeVS;
@@ -350,9 +351,9 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     float share = normals[k].w;
     if (share < 1e-4 * whole) continue;
     vec3 own = normals[k].xyz / share;
-    vec4 light = gainVS[k] * reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
+    vec4 light = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
     float arrived = 1.0 - shaded * (1.0 - exposed[k] / share);
-    light *= arrived * arrived;
+    light *= arrived * arrived * vec4(vec3(gainVS[k]), whiteGainVS[k]);
     vec3 tone = hue * hueOf(encoded(colors[k] / share));
     light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), tone * tone);
     sum += share / whole * coverGainVS[k] * meanLight(tone, light, spreadVS[k] * blurred);
