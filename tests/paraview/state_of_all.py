@@ -27,7 +27,7 @@ TIME = 0.013
 #: has no short decimal form.
 VALUES: tuple[Any, ...] = (
     *(False, True, 1 / 3, 1e-3 / 3, 1e3 / 3, 2),
-    *((1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1"),
+    *((1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1", "20/2 cotton"),
     *("-x", "-x:(0, 1, 3) 0.3 N/m", "-x 0.3 g"),
     [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
     [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
