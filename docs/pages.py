@@ -149,6 +149,12 @@ def gallery(folder: Path) -> Iterator[str]:
             shutil.copy(thumbnails.file_of(name), folder / f"{name}.jpg")
             yield f"### {name}\n\n{thumbnails.title_of(name)}\n\n![{name}]({name}.jpg)\n"
             yield f"```sh\nspacemap render {name} -o {name}.png\n```\n"
+    yield "## Drafts\n"
+    yield "Each row: the drawdown, on which a frame shows the near picture; 12, 64 and 320 yarns"
+    yield "of the cloth. The files are in `scenes/drafts`; `ORIGIN.md` there names authors and"
+    yield "licences. The pictures are drawn by `python docs/drafts.py`.\n"
+    for number, what in enumerate(("weaves of two colours", "colours, lace, pattern wefts"), 1):
+        yield f"![Drafts beside their cloth: {what}](../drafts_{number}.jpg)\n"
     yield "## Pipelines\n\nScripts to start from; a test runs each.\n"
     for script in sorted((ROOT / "pipelines").glob("*.py")):
         code = script.read_text("utf-8")
