@@ -307,7 +307,7 @@ class Strands:
             irregularity, self._places(np.arange(len(self._number)), np.arange(4) / 3.0)
         )
         frames = np.empty((2, len(self._number), 4, 3))
-        for count in np.unique(self._around):
+        for count in set(self._around.tolist()):  # np.unique would import numpy.ma
             some = np.flatnonzero(self._around == count)
             rings = self._rings(some, int(count))
             there = points[rings].astype(np.float64)
@@ -366,7 +366,7 @@ class Strands:
             `spacemap_vtk.textile.patches.tessellation.Tessellation.views`.
         """
         middle, top, side = np.empty((3, len(self._around), 4, 3))
-        for count in np.unique(self._around):
+        for count in set(self._around.tolist()):  # np.unique would import numpy.ma
             some = np.flatnonzero(self._around == count)
             rings = points[self._rings(some, int(count))].astype(np.float64)
             middle[some], top[some], side[some] = ring_frames(rings)
