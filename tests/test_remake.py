@@ -47,7 +47,7 @@ def test_again_repeats_a_command_from_the_same_input_files(tmp_path: Path, capsy
     assert run("again", file, "--force", "--set", "weave.ends=5", "-q") == 0
     assert pv.read(other).n_cells > pv.read(file).n_cells
     assert run("again", file, "--check") == 0
-    assert run("again", file, "--check", "--set", "weave.warp_diameter=0.3mm", "-q") == 1
+    assert run("again", file, "--check", "--set", "weave.overhang=0.4mm", "-q") == 1
     assert "points differ by up to" in capsys.readouterr().err
     # After a move, --folder names the scene's folder; a changed input file is refused.
     (tmp_path / "b").mkdir()
