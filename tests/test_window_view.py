@@ -517,7 +517,7 @@ def test_view_and_exported_picture_have_the_same_fibres(
     for name in ("triad", "scale_bar"):
         window.tools.part_actions[name].trigger()
     window.tools.cameras["front"].trigger()
-    view.zoom(1.6)
+    view.zoom(2.4)
     wait_until(lambda: settled(window) and not view.steering)
     drawn = view.image()
     done, file = [], tmp_path / "cloth.png"
