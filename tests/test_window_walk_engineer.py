@@ -50,7 +50,7 @@ def test_engineer_designs_a_twill(
         type_into_field(window, "weave", name, text)
     wait_until(lambda: settled(window))
     rows = window.properties.rows
-    wait_until(lambda: rows["warp_diameter"].editor.line.placeholderText() == "0.2047 mm")
+    wait_until(lambda: rows["warp_diameter"].editor.line.placeholderText() == "0.1304 mm")
     assert rows["warp_spacing"].editor.line.placeholderText() == "0.4167 mm"
 
     # 4. Its figures.
@@ -66,9 +66,9 @@ def test_engineer_designs_a_twill(
         return "\n".join(cell.text() for cell in cells if cell is not None)
 
     wait_until(lambda: "0 m (end" in figures())
-    assert "146.6 g/m²" in figures()
+    assert "141.7 g/m²" in figures()
     qtbot.mouseClick(window.figures.copy_button, LEFT)
-    assert "146.588" in QApplication.clipboard().text()
+    assert "141.664" in QApplication.clipboard().text()
     keep_picture(window, "figures.jpg")
 
     # 5. A sett that cannot be woven.
@@ -98,7 +98,7 @@ def test_engineer_designs_a_twill(
         qtbot.wait(10)
     qtbot.mouseRelease(pad, LEFT, pos=end)
     wait_until(lambda: "Crossings are pressed to" in window.pull.state_text.text())
-    assert "pressed to 86." in window.pull.state_text.text()
+    assert "pressed to 66." in window.pull.state_text.text()
     keep_picture(window, "engineer.jpg")
 
     # 8. The axes of all yarns are written as a table.
