@@ -180,9 +180,11 @@ class DraftTab(QWidget):
         grid.addWidget(self.rising, 2, 2, 1, 2)
         grid.addWidget(self.colors_button, 3, 0, 1, 2)
         grid.addWidget(self.cloth_button, 3, 2, 1, 2)
+        # In a row of their own: beside the files they would widen all tabs of a narrow window.
         sizes = (self.zoom_out_button, self.zoom_in_button, self.fit_button)
+        grid.addLayout(row(None, *sizes, None, spacing=2), 4, 0, 1, 4)
         files = self.open_button, self.save_button, self.print_button
-        return row(None, *files, None, *sizes, spacing=2)
+        return row(None, *files, None, spacing=2)
 
     def _show_draft(self, shown: EditableDraft | None, reason: str = "") -> None:
         if shown is None:
