@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from spacemap_vtk import cache, cancel
 from spacemap_vtk.errors import GeometryError, MissingLibraryError
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.temporary_files import temporary_folder
+from spacemap_vtk.temporary_files import delay_signals, temporary_folder
 
 #: Largest distance of the mesh from the surface, as a share of the diagonal. fTetWild's default of
 #: 1e-3 makes ten times as many tetrahedra near flat faces as a cage needs.
@@ -165,14 +165,19 @@ def run_process(command: Sequence[str], folder: Path) -> subprocess.CompletedPro
     """Run a program to its end, or end it where the work that waits for it is cancelled."""
     # Files, not pipes: a pipe that nobody reads stops the program when it is full.
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
-        process = subprocess.Popen(command, cwd=folder, stdout=output, stderr=errors)
+        process = None
         try:
+            # A signal that raises between the start of the program and its assignment would leave
+            # the program running.
+            with delay_signals():
+                process = subprocess.Popen(command, cwd=folder, stdout=output, stderr=errors)
             while process.poll() is None:
                 cancel.check()
                 time.sleep(_POLL_INTERVAL)
         finally:
-            process.kill()
-            process.wait()
+            if process is not None:
+                process.kill()
+                process.wait()
         texts = []
         for file in (output, errors):
             file.seek(0)
