@@ -254,8 +254,13 @@ def _type(page: Page, row: str, text: str) -> None:
 
 def _still_picture(page: Page):
     """Return the picture when it no longer changes."""
-    page.evaluate(_QUIET)
-    return page.screenshot()[60:500, :500]
+    now, before = None, None
+    # On a busy machine the fine picture may follow after the page has been quiet for a while.
+    while before is None or not np.array_equal(now, before):
+        page.evaluate(_QUIET)
+        now, before = page.screenshot()[60:500, :500], now
+        time.sleep(0.3)
+    return now
 
 
 def _changed_picture(page: Page, before):
