@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from weaves import closed_cloth
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.errors import GeometryError
@@ -38,25 +38,6 @@ WEAVES = {
 def lenses(height: Any, width: Any, spacing: Any = 1.0) -> Threads:
     aspect = float(np.mean(width) / np.mean(height))
     return Threads(diameter=height, spacing=spacing, section="lenticular", aspect=aspect)
-
-
-def closed(drawdown: NDArray[Any], unequal: bool) -> Cloth:
-    """Return a cloth of lenses with unit spacings, or with unequal widths and spacings."""
-    random, families = np.random.default_rng(2), []
-    for count in drawdown.shape[::-1]:
-        spacing = random.uniform(0.8, 1.4, count - 1) if unequal else np.ones(count - 1)
-        width = random.uniform(0.4, 0.7, count) if unequal else np.full(count, 0.9)
-        families.append(DraftFamily(width, spacing, None))
-    warp, weft = (
-        Threads(
-            diameter=shape.height,
-            spacing=family.spacing,
-            section="lenticular",
-            aspect=shape.aspect,
-        )
-        for shape, family in zip(fit_lenses(*families), families, strict=True)
-    )
-    return Cloth(drawdown=drawdown, warp=warp, weft=weft, exact=True)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +103,8 @@ def test_a_rational_lens_lies_on_its_two_arcs(aspect: float) -> None:
 @pytest.mark.parametrize("unequal", [False, True])
 @pytest.mark.parametrize("weave", WEAVES)
 def test_yarns_touch_and_do_not_overlap_in_any_weave(weave: str, unequal: bool) -> None:
-    cloth = closed(WEAVES[weave], unequal)
+    bounds = ((0.4, 0.7), (0.8, 1.4)) if unequal else ()
+    cloth = closed_cloth(WEAVES[weave], *bounds, exact=True)
     low, high = cloth.feasible_heights
     assert low < high
     size = float(np.min(cloth.warp.diameter))
@@ -137,7 +119,7 @@ def test_yarns_touch_and_do_not_overlap_in_any_weave(weave: str, unequal: bool) 
 
 def test_overlap_is_found() -> None:
     # Neighbours that are pushed into each other, by a quarter of the gap between them.
-    cloth = closed(PLAIN, False)
+    cloth = closed_cloth(PLAIN, exact=True)
     weave = build_weave(cloth)
     points = np.array(weave.points)
     one = np.unique(weave.patches[weave.yarn == 1])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from weaves import closed_cloth
 
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.textile.drafts.pattern_weft import find_pattern_weft
@@ -17,9 +18,7 @@ from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.geometry.swelling import RISE, swollen_changes
 from spacemap_vtk.textile.geometry.weave import Weave, build_weave
 from spacemap_vtk.textile.patches.tessellation import Tessellation
-from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.lens import DraftFamily, face_radius, fit_lenses
-from spacemap_vtk.textile.weave.threads import Threads
+from spacemap_vtk.textile.weave.lens import face_radius
 
 WEAVES = {
     "plain": np.indices((6, 6)).sum(axis=0) % 2 == 0,
@@ -29,24 +28,8 @@ WEAVES = {
 }
 
 
-def closed_cloth(drawdown: NDArray[Any], unequal: bool = False, exact: bool = False) -> Cloth:
-    """Return a cloth that lenses close, with unit spacings or unequal widths and spacings."""
-    random = np.random.default_rng(2)
-    families = []
-    for count in drawdown.shape[::-1]:
-        spacing = random.uniform(0.9, 1.2, count - 1) if unequal else np.ones(count - 1)
-        width = random.uniform(0.5, 0.8, count) if unequal else np.full(count, 0.9)
-        families.append(DraftFamily(width, spacing, None))
-    warp, weft = (
-        Threads(
-            diameter=shape.height,
-            spacing=family.spacing,
-            section="lenticular",
-            aspect=shape.aspect,
-        )
-        for shape, family in zip(fit_lenses(*families), families, strict=True)
-    )
-    return Cloth(drawdown=drawdown, warp=warp, weft=weft, exact=exact)
+#: Bounds of unequal widths and spacings.
+UNEQUAL = (0.5, 0.8), (0.9, 1.2)
 
 
 def surface(weave: Weave, sides: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -70,7 +53,7 @@ def _positions(part: Any, points: Any, which: slice, sides: int) -> Any:
 @pytest.mark.parametrize("unequal", [False, True])
 @pytest.mark.parametrize("weave", WEAVES)
 def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> None:
-    cloth = closed_cloth(WEAVES[weave], unequal)
+    cloth = closed_cloth(WEAVES[weave], *(UNEQUAL if unequal else ()))
     points, normals, yarn = surface(build_weave(cloth), 16)
     size, (ends, picks) = float(np.min(cloth.warp.diameter)), cloth.size
     across, along = cloth.yarns[0].position, cloth.yarns[1].position

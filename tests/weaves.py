@@ -14,6 +14,7 @@ from spacemap_vtk.textile.drafts import patterns
 from spacemap_vtk.textile.drafts.drawdown import tile_drawdown
 from spacemap_vtk.textile.geometry.weave import Weave
 from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.lens import DraftFamily, fit_lenses
 from spacemap_vtk.textile.weave.threads import Threads
 
 #: VTK's order of a 3 x 3 Bézier quadrilateral, by hand: its place in the list for each (i, j).
@@ -24,6 +25,30 @@ PLAIN = [[1, 0], [0, 1]]
 def plain(ends: int, picks: int) -> np.ndarray:
     """Plain weave of so many yarns."""
     return tile_drawdown(patterns.plain(), ends, picks)
+
+
+def closed_cloth(
+    drawdown: np.ndarray,
+    widths: tuple[float, float] | None = None,
+    spacings: tuple[float, float] = (1.0, 1.0),
+    exact: bool = False,
+) -> Cloth:
+    """Cloth that lenses close: yarns 0.9 wide, 1 apart, or random ones within the given bounds."""
+    random, families = np.random.default_rng(2), []
+    for count in drawdown.shape[::-1]:
+        spacing = random.uniform(*spacings, count - 1)
+        width = np.full(count, 0.9) if widths is None else random.uniform(*widths, count)
+        families.append(DraftFamily(width, spacing, None))
+    warp, weft = (
+        Threads(
+            diameter=shape.height,
+            spacing=family.spacing,
+            section="lenticular",
+            aspect=shape.aspect,
+        )
+        for shape, family in zip(fit_lenses(*families), families, strict=True)
+    )
+    return Cloth(drawdown=drawdown, warp=warp, weft=weft, exact=exact)
 
 
 def bernstein(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -213,7 +213,7 @@ class Picture:
         frame = frame_of(self.scene, time, surface, None, view.loads, cloth, crossings)
         if self._underlay is not None:
             cage = self.scene.deformed_cage if self.scene.moves else None
-            frame = replace(frame, underlay=self._underlay.at(cage))
+            frame = replace(frame, underlay=self._underlay.in_cage(cage))
         return np.concatenate([self._draw_panel(panel, frame) for panel in self.panels], axis=1)
 
     def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:

@@ -469,7 +469,7 @@ class _PreparedPatches:
             sides = [np.full(g.tessellation.point_count, 1.0 / g.sides) for g in self.groups]
             self.irregular = irregularity, face, bright, _concatenate(sides)
         _, face, bright, facet = self.irregular
-        return np.stack([exposure.at(rest, face, facet), bright], axis=1)
+        return np.stack([exposure.evaluate(rest, face, facet), bright], axis=1)
 
     def label(self, array: vtkDataArray, grid: vtkUnstructuredGrid) -> vtkDataArray | None:
         """Return a point array as a cell array, if it has one integer for each patch."""

@@ -1,4 +1,4 @@
-"""What a weaver decides about a project; no VTK, so that a command's help is quick."""
+"""Settings of a weaving plan. The module imports no VTK, so that a command's help is quick."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _share(default: Any, help: str, **more: Any) -> Real:
 
 
 class PlanSettings(Parameterised):
-    """What a weaver decides about a project."""
+    """Settings of a weaving plan: size, yarns, loom and finishing."""
 
     width = Real(
         None,
@@ -55,8 +55,14 @@ class PlanSettings(Parameterised):
         group="Size",
     )
     pieces = Integer(1, "Number of pieces on one warp.", minimum=1, maximum=10_000, group="Size")
-    hem = _length(0.0, "Length that is turned under at each end of a piece.", group="Size")
-    fringe = _length(0.0, "Unwoven warp at each end of a piece.", group="Size")
+    hem = _length(
+        0.0, "Length that is turned under at each end of a piece, for hems.", group="Size"
+    )
+    fringe = _length(
+        0.0,
+        "Length of warp at each end of a piece that is left unwoven, for fringes.",
+        group="Size",
+    )
     ends = Integer(
         None,
         "Number of ends, instead of the width.",
@@ -176,14 +182,14 @@ class PlanSettings(Parameterised):
         None,
         "Length of the warp over that of the cloth on the loom, minus 1",
         maximum=10.0,
-        automatic="from the geometry of the cloth",
+        automatic="crimp of round yarns in this weave",
         group="Finishing",
     )
     weft_take_up = _share(
         None,
         "Length of a pick over the width in the reed, minus 1",
         maximum=10.0,
-        automatic="from the geometry of the cloth",
+        automatic="crimp of round yarns in this weave",
         group="Finishing",
     )
     allowance = _share(

@@ -264,7 +264,7 @@ def _count_changes(plan: ScenePlan) -> int:
 
 
 def yarn_label(yarn: Yarn | None, density: float) -> str:
-    """Return the name of a yarn, or its count in tex."""
+    """Return a yarn's name; for a yarn without a name, its count in tex."""
     return f"{1e6 * density:.4g} tex" if yarn is None else yarn.name
 
 

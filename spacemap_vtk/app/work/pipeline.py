@@ -181,7 +181,7 @@ class Pipeline:
         kept = self._underlay
         if kept is None or kept[0] != key or kept[1] is None or not kept[1].is_current(scene):
             self._underlay = kept = key, ClothUnderlay.make_if_needed(scene, sheet)
-        return None if kept[1] is None else kept[1].at(cage)
+        return None if kept[1] is None else kept[1].in_cage(cage)
 
     def _choose_detail(
         self, cloth: DrawnCloth, source: Stage, request: FrameRequest

@@ -251,7 +251,7 @@ def _grid_places(normals: Singles, side: int) -> tuple[Floats, Floats]:
 
 
 def _corners(x: Floats, y: Floats) -> list[tuple[Ints, Ints, Floats]]:
-    """Return the four nodes around places in a grid, and their bilinear weights."""
+    """Return the four grid nodes around each point, and their bilinear weights."""
     i, j = (np.minimum(each.astype(int), NODES - 2) for each in (x, y))
     right, up = x - i, y - j
     return [

@@ -57,9 +57,9 @@ from spacemap_vtk.scenes.styles import Style
 from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Names of the textures of colours. The first two contain the colours of yarns where they lie on
-#: top, and 0 elsewhere. The last two contain the colours everywhere, with alpha 1 where the yarn
-#: lies on top. Means over several crossings need all four, a single texel only the last two.
+#: Names of the textures of colours. The first two store a yarn's colour where it lies on top and 0
+#: elsewhere. The last two store its colour everywhere; their alpha is 1 where it lies on top. Means
+#: over several crossings need all four textures, a single texel only the last two.
 _LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
 #: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
 #: power.
@@ -224,12 +224,6 @@ float tent(float x)
   return 0.5 + inside - 0.5 * inside * abs(inside);
 }
 
-// Texel of the colours at a crossing, of which one repeat may stand for all.
-ivec2 repeated(ivec2 crossing)
-{
-  return ivec2(mod(vec2(crossing), repeats));
-}
-
 // Linear light of yarns whose light has this mean and relative deviation.
 vec3 meanLight(vec3 hue, vec4 light, float deviation)
 {
@@ -253,7 +247,6 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   vec2 scale = size / reach;
   ivec2 first = ivec2(floor(low)), end = max(ivec2(ceil(high)), first + 1);
   vec4 texels[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
-  ivec2 period = ivec2(repeats) >> level;
   for (int y = first.y; y < end.y; ++y)
   {
     float tall = tent((float(y + 1) - place.y) * scale.y) - tent((float(y) - place.y) * scale.y);
@@ -261,7 +254,7 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     {
       float wide = tent((float(x + 1) - place.x) * scale.x) - tent((float(x) - place.x) * scale.x);
       float area = tall * wide;
-      ivec2 at = ivec2(x, y) % period;
+      ivec2 at = ivec2(x, y);
       vec4 warp = texelFetch(warpColors, at, level), weft = texelFetch(weftColors, at, level);
       if (level == 0 && averaged == 0)
       {
@@ -318,7 +311,7 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     {
       float wide = tent((float(x + 1) - start.x) * texel.x) - tent((float(x) - start.x) * texel.x);
       float area = tall * wide;
-      ivec2 crossing = repeated(ivec2(x, y) / side);
+      ivec2 crossing = ivec2(x, y) / side;
       vec2 code = texelFetch(tileNumbers, crossing, 0).rg;
       int number = int(255.0 * code.r + 0.5) + 256 * int(255.0 * code.g + 0.5);
       ivec2 at = ivec2(number % TILES_IN_ROW, number / TILES_IN_ROW) * side + ivec2(x, y) % side;
@@ -438,7 +431,6 @@ class SheetActor(SurfaceActor):
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
         halvings = _halving_count(max(cloth.size))
         fragment.SetUniform2f("crossings", [count / 2**halvings for count in cloth.size])
-        fragment.SetUniform2f("repeats", [2.0**20, 2.0**20])
         fragment.SetUniformi("averaged", halvings > 0)
         if crossings is None:
             colors = _yarn_colors(cloth, color)

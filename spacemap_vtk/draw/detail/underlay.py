@@ -64,7 +64,7 @@ class ClothUnderlay:
         """Test whether this is still the underlay of a scene that may have changed."""
         return scene.woven is not None and scene.woven.cloth is self._sheet.cloth
 
-    def at(self, cage: vtkUnstructuredGrid | None) -> Underlay:
+    def in_cage(self, cage: vtkUnstructuredGrid | None) -> Underlay:
         """Return the underlay in a deformed cage; without a cage it is flat."""
         if self._own:
             self._sheet.deform_with(cage)

@@ -88,7 +88,7 @@ class _Axis:
         return INK if self.band[0] <= thread < self.band[1] else "#a9b0b9"
 
     def first(self, thread: int) -> float:
-        """Return the place where a thread's cell begins."""
+        """Return the coordinate at which a thread's cell begins, in mm."""
         return float(min(self.place(thread), self.place(thread + 1)))
 
     @property

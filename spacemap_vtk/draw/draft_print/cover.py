@@ -64,7 +64,7 @@ def draw_cover(
     remarks: Sequence[str],
     legend: Callable[[Page], None],
 ) -> Box:
-    """Draw title, facts and notes; return the room that is left."""
+    """Draw title, facts and notes; return the free area below them."""
     body = page.body
     title = shorten_text(title, body.width - PAGE_NUMBER, _TITLE, bold=True)
     page.write(body.left, body.top + 6.0, title, _TITLE, bold=True)

@@ -218,7 +218,7 @@ class DraftSheet:
     def _name_neighbours(
         self, page: Page, grid: ChartGrid, place: tuple[int, int], first_page: int, covered: Box
     ) -> None:
-        """Write the numbers of the pages beside this one at its sides."""
+        """Write the numbers of the neighbouring pages at the four sides of this page."""
         from_top = self._style.from_top
         right = -1 if from_top == grid.face else 1
         up = -1 if from_top else 1

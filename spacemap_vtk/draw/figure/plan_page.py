@@ -52,7 +52,9 @@ def draw_plan(plan: ScenePlan, page_style: PageStyle | None = None) -> Figure:
     """Return a figure with all tables of a plan."""
     style = page_style or PageStyle(width=180.0, dpi=150.0)
     units = plan.settings.units
-    cloth, warp, weft, yarns, *narrow = [_Table.of(table, units) for table in plan_tables(plan)]
+    cloth, warp, weft, yarns, *narrow = [
+        _Table.from_plan(table, units) for table in plan_tables(plan)
+    ]
     assumed = [narrow.pop()] if plan.assumed else []
     rows: list[list[Tile]] = [
         [_title_tile(plan)],
@@ -79,7 +81,7 @@ class _Table:
     right: tuple[bool, ...]
 
     @classmethod
-    def of(cls, table: PlanTable, units: str) -> _Table:
+    def from_plan(cls, table: PlanTable, units: str) -> _Table:
         right = tuple(
             any(isinstance(row[column], (int, Quantity)) for row in table.rows)
             for column in range(len(table.rows[0]))

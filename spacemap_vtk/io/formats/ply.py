@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 #: Bytes per point that are needed, besides the surface, to make the file: six numbers.
 _POINT = 24
-#: The same per corner of a polygon: its number in the file, and in the copy with all polygons
-#: oriented alike.
+#: Bytes per corner of a polygon: its point number in the file, and its point number in the copy
+#: whose polygons all have the same orientation.
 _CORNER = 14
 _SIZES = {"u1": "uchar", "<i4": "int"}
 _TYPES = {

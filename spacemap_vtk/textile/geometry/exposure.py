@@ -67,7 +67,7 @@ class ClothExposure:
             np.maximum(weight, np.float32(1e-3), out=weight)
             self._means.append([_blur(face, sigma) / weight for face in faces])
 
-    def at(self, places: AnyFloats, face: AnyFloats, facet: AnyFloats) -> Singles:
+    def evaluate(self, places: AnyFloats, face: AnyFloats, facet: AnyFloats) -> Singles:
         """Compute the exposure of places on yarns.
 
         Parameters

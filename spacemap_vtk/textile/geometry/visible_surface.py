@@ -100,7 +100,7 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
         weights = None if weave.weights is None else weave.weights[patches[chosen]]
         found.append(_evaluate(net[chosen].reshape(-1, 16, 3), weights, rows, columns))
         face = strands.face(chosen, (np.arange(rows) + 0.5) / rows).T.repeat(columns, axis=1)
-        exposure.append(exposed.at(found[-1][0], face.ravel(), np.zeros(face.size)))
+        exposure.append(exposed.evaluate(found[-1][0], face.ravel(), np.zeros(face.size)))
         family.append(np.repeat(weave.family[: weave.tube_patches][chosen], rows * columns))
     middle, side_u, side_v = (np.concatenate(each) for each in zip(*found, strict=True))
     for number in (0, 1):

@@ -82,7 +82,7 @@ class Sleying:
 
 
 def sley(sett: float, reed: float) -> Sleying:
-    """Find the sleying of a reed that is nearest to a sett; the shortest of equally good ones."""
+    """Find the sleying whose sett is nearest to a given one; prefer the shortest pattern."""
     found = []
     for dents in range(1, _MOST_DENTS + 1):
         ends = max(round(sett / reed * dents), 1)

@@ -27,6 +27,7 @@ from math import atan, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.weave.peirce import jam_height
@@ -192,7 +193,7 @@ def _widths(area: Floats, aspect: float) -> Floats:
     return np.asarray(aspect * np.sqrt(area / lens_area(aspect)))
 
 
-def neighbour_means(values: Floats) -> Floats:
-    """Average neighbours: (n,) to (n - 1,); a scalar, equal for all yarns, stays."""
-    values = np.asarray(values)
-    return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
+def neighbour_means(values: ArrayLike) -> Floats:
+    """Compute means of neighbouring yarns, (n,) to (n - 1,); return a scalar unchanged."""
+    table = np.asarray(values, dtype=np.float64)
+    return table if table.ndim == 0 else 0.5 * (table[1:] + table[:-1])

@@ -13,6 +13,7 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
+from spacemap_vtk.textile.weave.lens import neighbour_means
 from spacemap_vtk.textile.weave.threads import Lengths, Threads
 from spacemap_vtk.units import format_quantity
 
@@ -91,8 +92,8 @@ def _width(threads: Threads) -> Lengths:
 def _width_share(threads: Threads) -> float:
     """Compute the share of its thickness that a flattened yarn keeps as its width."""
     thickness = threads.aspect * np.asarray(threads.diameter)
-    between = thickness if thickness.ndim == 0 else 0.5 * (thickness[1:] + thickness[:-1])
-    return min(1.0, WIDTH_SHARE * float(np.min(np.asarray(threads.spacing) / between)))
+    room = np.asarray(threads.spacing) / neighbour_means(thickness)
+    return min(1.0, WIDTH_SHARE * float(np.min(room)))
 
 
 def is_feasible(cloth: Cloth) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.weave.families import FAMILIES, QuantityNames, quantity_name
-from spacemap_vtk.textile.weave.lens import face_radius
+from spacemap_vtk.textile.weave.lens import face_radius, neighbour_means
 from spacemap_vtk.textile.weave.yarn import section_factor, usual_twist
 from spacemap_vtk.units import format_length
 
@@ -152,7 +152,7 @@ class Threads:
     def gaps(self) -> tuple[Floats, Floats]:
         # Room of gaps for yarns that pass, p' (spacing less half the flats on both sides), and the
         # mean diameter of both neighbours.
-        mean = self._neighbour_diameters()
+        mean = neighbour_means(self.diameter)
         if mean.size == 0 or np.size(self.spacing) == 0:
             return np.empty(0), np.empty(0)
         room = np.asarray(self.spacing) - (self.flat_aspect - 1.0) * mean
@@ -254,7 +254,7 @@ class Threads:
         self, family: int, grace: float, diameter_sum: float, names: QuantityNames = quantity_name
     ) -> None:
         """Refuse yarns that overlap their neighbours by more than a share of their size."""
-        mean = self._neighbour_diameters()
+        mean = neighbour_means(self.diameter)
         if mean.size == 0 or np.size(self.spacing) == 0:
             return
         width, room = np.broadcast_arrays(self.aspect * mean, np.asarray(self.spacing))
@@ -277,11 +277,6 @@ class Threads:
                 f"{f' over {aspect}' if flat else ''})",
                 cure=f"Make {diameter} smaller or {spacing} larger",
             )
-
-    def _neighbour_diameters(self) -> Floats:
-        """Compute mean diameters of neighbours: (n - 1,), or a scalar if all yarns are equal."""
-        values = np.asarray(self.diameter)
-        return values if values.ndim == 0 else 0.5 * (values[1:] + values[:-1])
 
 
 def flat_aspect(section: str, aspect: float) -> float:

@@ -99,11 +99,6 @@ def parse_yarn_count(text: str) -> float:
     return size / max(numbers) * (min(numbers) if numbers[1:] else 1.0)
 
 
-def section_area(count: OneOrMany, density: float = COTTON, packing: float = PACKING) -> OneOrMany:
-    """Compute the area of a yarn's section, including the air between its fibres."""
-    return count / (packing * density)
-
-
 def yarn_height(area: OneOrMany, aspect: float = 1.0, section: str = "circular") -> OneOrMany:
     """Compute the height of a yarn from the area of its section: the diameter of a round one."""
     return (area / section_factor(aspect, section)) ** 0.5
