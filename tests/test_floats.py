@@ -54,5 +54,5 @@ def test_a_warp_satin_floats_with_the_warp_on_its_face_and_the_weft_on_its_rever
     }
     assert longest == {(0, True): 7, (0, False): 1, (1, True): 1, (1, False): 7}
     # Each of the 24 ends has three binding points and two floats between them. In each repeat of
-    # eight, one end is bound at the first pick and one at the last: each of these has a third float.
+    # eight, one end is bound at the first pick and one at the last; both have a third float.
     assert len(find_floats(cloth, 0).longer_than(6).yarn) == 2 * 24 + 3 + 3

@@ -55,14 +55,8 @@ class PlanSettings(Parameterised):
         group="Size",
     )
     pieces = Integer(1, "Number of pieces on one warp.", minimum=1, maximum=10_000, group="Size")
-    hem = _length(
-        0.0, "Length that is turned under at each end of a piece, for hems.", group="Size"
-    )
-    fringe = _length(
-        0.0,
-        "Length of warp at each end of a piece that is left unwoven, for fringes.",
-        group="Size",
-    )
+    hem = _length(0.0, "Length of the hem at each end of a piece.", group="Size")
+    fringe = _length(0.0, "Length of unwoven warp at each end of a piece.", group="Size")
     ends = Integer(
         None,
         "Number of ends, instead of the width.",
