@@ -6,8 +6,9 @@ diameter, and its width along the cloth is the aspect times the diameter. For al
 
 - At the crossing of end j and pick i the axes are (d_j + d_i) / 2 apart. Warp and weft share this
   distance in one ratio h1 : h2 in the whole cloth, so crimp heights are proportional to diameters.
-  Where a family is lenticular, the ratio is one for level crowns, where each yarn has the height of
-  the yarn that it crosses, and h1 differs from that by one share of d_j + d_i.
+  Where a family is lenticular, crowns are level by default: the crimp height of a yarn at each
+  crossing is the diameter of the yarn that it crosses. Another h1 adds the same share of d_j + d_i
+  at all crossings.
 - A flattened yarn is crossed on its flat, whose length is the width less the diameter. Between two
   crossings Peirce's formulas hold over p' = p less half the flats of both yarns (Kemp).
 - In a gap whose two arcs have radii with the sum D, there is room for the warp if
@@ -104,8 +105,8 @@ class Cloth:
     crimp_height : float, optional
         Crimp height h1 of the warp, in metres, for yarns of mean diameters. Crimp heights of single
         crossings are proportional to their diameters. By default it follows from the crimp of warp
-        or weft, or else it is the middle of the feasible interval; with lenticular yarns that of
-        level crowns.
+        or weft. Without these it is the middle of the feasible interval; for lenticular yarns it is
+        the height of level crowns.
     overhang : float, optional
         Length of each yarn past its last crossing, in metres; by default half the mean spacing of
         the yarns that it crosses.
@@ -241,7 +242,7 @@ class Cloth:
 
     @property
     def lean(self) -> float:
-        """Share of h1 - `level_height` in d1 + d2; without lenticular yarns that of h1."""
+        """(h1 - `level_height`) / (d1 + d2); without lenticular yarns h1 / (d1 + d2)."""
         return self.share - self._level_shares[0]
 
     @property
@@ -441,7 +442,7 @@ class Cloth:
 
     @cached_property
     def _lens_heights(self) -> tuple[float, float]:
-        """Interval of h1, in metres, with lenticular yarns; low above high if it is empty."""
+        """Interval of h1 for lenticular yarns, in metres; if it is empty, low exceeds high."""
         leans = []
         for number, own in enumerate(self.threads):
             lean = inf
@@ -464,11 +465,10 @@ class Cloth:
             return
         low, high = self._lens_heights
         grace = JAM * self.diameter_sum
-        key = self.names("crimp_height", 0)
         if low > high + grace:
             raise GeometryError(
-                "the cloth is jammed: lenticular yarns of width a and height b need 2 b1 b2 up to "
-                "p1² - a1² and p2² - a2² (p: spacing)",
+                "the cloth is jammed: lenticular yarns have room only if 2 b1 b2 is at most "
+                "p1² - a1² and p2² - a2² (b: height, a: width, p: spacing)",
                 key=self.names("diameter", 0),
                 value=self.warp.mean_diameter,
                 allowed=self._largest_lenses,
@@ -478,7 +478,7 @@ class Cloth:
             raise GeometryError(
                 f"the cloth is jammed: no room for the {'warp' if height > high else 'weft'} to "
                 f"bend at a height of {format_length(height)}",
-                key=key,
+                key=self.names("crimp_height", 0),
                 value=height,
                 allowed=f"{format_length(low)} to {format_length(high)}",
                 cure=f"Leave it out for level crowns, {format_length(self.level_height)}",
