@@ -305,6 +305,14 @@ def test_thick_yarns_are_flattened() -> None:
     assert "flattened to 0.9526 mm" in cloth.warnings[0]
 
 
+def test_yarns_of_cloths_that_change_places_leave_4_percent_open() -> None:
+    cloth = WeaveSource(draft=REAL.with_name("double_weave.wif")).cloth
+    space = cloth.warp.spacing
+    assert cloth.warp.aspect * cloth.warp.diameter == pytest.approx(0.8 * space)
+    # Between yarns of the other cloth, 1.05 (d + d) fits into p less the flat w - d.
+    assert cloth.warp.diameter == pytest.approx(THICKNESS_SHARE * 0.2 * space / 1.1, rel=1e-8)
+
+
 def test_thick_yarns_are_refused() -> None:
     with pytest.raises(GeometryError, match='Set thick_yarns to "scale" or "flatten"'):
         WeaveSource(draft=REAL, thick_yarns="refuse").update()
