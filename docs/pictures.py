@@ -2,8 +2,7 @@
 
 All of them take some twenty minutes on two cores. Names draw only these pictures: python
 docs/pictures.py figure styles. The picture "close" needs the extra [raytrace], "paraview" needs
-ParaView and xvfb-run. Pictures of drafts, of the window, of scenes and of tutorials have commands
-of their own: docs/drafts.py, docs/gui.py, spacemap_vtk/draw/thumbnails.py, docs/tutorials.
+ParaView and xvfb-run.
 """
 
 from __future__ import annotations
@@ -21,14 +20,16 @@ HERE = Path(__file__).parent
 ROOT = HERE.parent
 COLORS = json.dumps(["#b3262e"] * 13 + ["#f4ecdc"] * 12)
 
-#: The tablecloth of the scene `drape`, woven of 400 by 500 yarns in place of 80 by 100.
+#: The tablecloth of the scene `drape`, closely woven of 400 by 500 yarns in place of 80 by 100.
 FINE_CLOTH = {
     "weave.ends": "400",
     "weave.picks": "500",
     "weave.warp_spacing": "1.5 mm",
     "weave.weft_spacing": "1.5 mm",
-    "weave.warp_diameter": "0.84 mm",
-    "weave.weft_diameter": "0.84 mm",
+    "weave.warp_section": "lenticular",
+    "weave.weft_section": "lenticular",
+    "weave.warp_diameter": "auto",
+    "weave.weft_diameter": "auto",
     "weave.warp_color": COLORS,
     "weave.weft_color": COLORS,
     "modal.modes": "12",  # the cloth hangs at rest: modes are not used

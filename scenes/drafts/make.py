@@ -134,6 +134,7 @@ def huck_lace() -> Draft:
 def tartan(name: str) -> Draft:
     """Return so many repeats of a tartan in 2/2 twill that both fit."""
     stripes = [(color, int(count)) for color, count in re.findall(r"([a-z])(\d+)", TARTANS[name])]
+    stripes.reverse()  # the last ones are narrower: more colours are seen near the first corner
     repeat = [color for color, count in [*stripes, *stripes[-2:0:-1]] for _ in range(count)]
     count = math.lcm(4, len(repeat))
     threading = [1 + thread % 4 for thread in range(count)]
