@@ -59,7 +59,7 @@ def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("weave", "camera"),
     [
-        ("satin", "front"),
+        pytest.param("satin", "front", marks=pytest.mark.nightly),
         ("twill", "three-quarter"),
         pytest.param("plain", "three-quarter", marks=pytest.mark.nightly),
     ],

@@ -388,7 +388,10 @@ def test_points_that_are_not_finite_are_refused(tmp_path: Path) -> None:
         ObjectSource(file=tmp_path / "none.vtp").update()
 
 
-@pytest.mark.parametrize("kind", ["obj", "ply", "vtk", "vtu"])
+@pytest.mark.parametrize(
+    "kind",
+    ["obj", *(pytest.param(each, marks=pytest.mark.nightly) for each in ("ply", "vtk", "vtu"))],
+)
 def test_cells_with_invalid_points_are_refused(tmp_path: Path, kind: str) -> None:
     points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
     texts = {

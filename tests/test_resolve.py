@@ -151,7 +151,6 @@ def test_crimp_of_either_family() -> None:
         WeaveSource(**yarns, warp_crimp=2).update()
 
 
-@settings(max_examples=60)
 @given(st.floats(0.1, 0.9), st.floats(0.55, 3), st.floats(0.55, 3), st.floats(0, 1))
 def test_any_feasible_crimp_is_reached(filling: float, p1: float, p2: float, part: float) -> None:
     yarns = {"warp_diameter": filling / 2, "weft_diameter": (1 - filling) / 2}

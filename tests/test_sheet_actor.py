@@ -81,7 +81,7 @@ def test_a_pixel_shows_the_mean_of_its_yarns(
     assert np.abs(apart).mean() < 2.0 * most
 
 
-@pytest.mark.parametrize("pixels", [0.45, 0.55])
+@pytest.mark.parametrize("pixels", [0.45, pytest.param(0.55, marks=pytest.mark.nightly)])
 def test_fine_stripes_leave_no_moire(pixels: float, monkeypatch: pytest.MonkeyPatch) -> None:
     # Stripes of 2 to 2.2 pixels, in a picture that is rotated against them.
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)

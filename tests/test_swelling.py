@@ -80,8 +80,15 @@ def gaps_at_crossings(cloth: Cloth, sides: int) -> list[float]:
     return least
 
 
-@pytest.mark.parametrize("unequal", [False, True])
-@pytest.mark.parametrize("weave", WEAVES)
+@pytest.mark.parametrize(
+    ("weave", "unequal"),
+    # Every weave in the gate, every second one with unequal yarns.
+    [
+        pytest.param(weave, bool(k % 2) != other, marks=[pytest.mark.nightly] * other)
+        for k, weave in enumerate(WEAVES)
+        for other in (False, True)
+    ],
+)
 def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> None:
     cloth = closed_cloth(WEAVES[weave], *(UNEQUAL if unequal else ()))
     size, least = float(np.min(cloth.warp.diameter)), gaps_at_crossings(cloth, 16)
