@@ -118,7 +118,7 @@ def test_high_floats_over_flat_yarns_swell_late_enough() -> None:
 def test_rising_floats_stay_outside_of_the_yarn_before_them(
     near: float, far: float, straight: float, theta: float, height: float
 ) -> None:
-    arc = measure_float_ends(*(np.array([[x]]) for x in (near, far, straight, theta, height)))
+    arc = measure_float_ends(*(np.array([[x]]) for x in (near, far, straight, theta, height)), 2.0)
     # Positions on the arc by fractions of its length along the cloth; the axis starts at 0.
     t = np.linspace(0.0, 1.0, 50)
     phi = np.arcsin(t * np.sin(theta))

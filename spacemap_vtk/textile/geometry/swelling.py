@@ -51,10 +51,28 @@ _ROUND = 0.8
 _CROWN = 0.4
 #: Half the largest width over the radius of the circle of contact; beyond, edges would be steep.
 _STEEPEST = 0.97
-#: Largest number q: largest share s at a fraction t of the arc into a float, over t squared.
-_STEEPEST_RISE = 2.0
 #: How far full swelling moves the outer side at most, over the height of the lens.
 _FULL_RISE = 0.46
+
+
+class Growth(NamedTuple):
+    """How fast and how far floats swell."""
+
+    rise: float = 2.0
+    """Largest number q, see the top of this module."""
+    short: float = 1.0
+    """Largest share in floats of two crossings."""
+
+
+USUAL_GROWTH = Growth()
+#: Growth of floats that are drawn out over their tabby. They become much wider, so they need more
+#: length for it, and short ones have too little.
+_DRAWN_OUT = Growth(rise=0.7, short=0.5)
+
+
+def float_growth(cloth: Cloth, number: int) -> Growth:
+    """Return how fast and how far floats of ends (0) or picks (1) swell."""
+    return USUAL_GROWTH if cloth.threads[number].float_width is None else _DRAWN_OUT
 
 
 class FloatEnds(NamedTuple):
@@ -67,22 +85,24 @@ class FloatEnds(NamedTuple):
 
 
 def measure_float_ends(
-    near: Floats, far: Floats, straight: Floats, theta: Floats, height: Floats
+    near: Floats, far: Floats, straight: Floats, theta: Floats, height: Floats, rise: float
 ) -> FloatEnds:
     """Measure the arcs into floats, and how soon floats may swell on them, by (1)."""
     # `near` and `far` are the radii of the axis on this arc and on that at the other end of the
-    # gap, `straight` is the length of the straight part between them, `height` the lens' height.
+    # gap, `straight` is the length of the straight part between them, `height` the lens' height,
+    # `rise` the largest q.
     sine, outer, face = np.sin(theta), near + 0.5 * height, far - 0.5 * height
     room = (outer * sine + straight) ** 2 / (2.0 * face) + 0.5 * outer * sine**2
-    return FloatEnds(near * sine, np.minimum(room / (_FULL_RISE * height), _STEEPEST_RISE))
+    return FloatEnds(near * sine, np.minimum(room / (_FULL_RISE * height), rise))
 
 
 def share_along_floats(
-    upper: Bools, spacing: Floats, before: FloatEnds, after: FloatEnds
+    upper: Bools, spacing: Floats, before: FloatEnds, after: FloatEnds, short: float = 1.0
 ) -> tuple[Floats, Floats]:
     """Compute the share of swelling at crossings."""
     # `upper` (yarns, n) says whether yarns lie over those that they cross; `before` and `after`,
-    # (yarns, n - 1), are the arcs at the start and the end of each gap. The results are s and its
+    # (yarns, n - 1), are the arcs at the start and the end of each gap; `short` is the largest
+    # share in floats of two crossings. The results are s and its
     # derivative along the yarn, (yarns, n). A yarn that floats at its first or last crossing is
     # fully swollen there, because the float may go on.
     same = upper[:, 1:] == upper[:, :-1]
@@ -104,10 +124,10 @@ def share_along_floats(
         reach = np.where(starts, arc.length, 1.0)
         rest = np.where(long_, 3.0, 4.0) * reach / following
         value = np.minimum((arc.rise + rest) / (3.0 + rest), arc.rise)
-        share[:, inside] = np.where(starts, value, share[:, inside])
-        slope[:, inside] = np.where(
-            starts, way * (3.0 * value - arc.rise) / reach, slope[:, inside]
-        )
+        grown = way * (3.0 * value - arc.rise) / reach
+        most = np.where(long_, 1.0, short)
+        share[:, inside] = np.where(starts, most * value, share[:, inside])
+        slope[:, inside] = np.where(starts, most * grown, slope[:, inside])
     sign = np.where(upper, 1.0, -1.0)
     return sign * share, sign * slope
 
