@@ -57,6 +57,7 @@ CLEARANCE = {"color": "clearance"}
             "sheet", 800, "auto", [0.1], {"color": "clearance"}, marks=pytest.mark.nightly
         ),
         pytest.param("sheet", 2000, "auto", [0.1], {}, marks=pytest.mark.nightly),
+        pytest.param("sheet", 400, "auto", [], {}, marks=pytest.mark.nightly),
     ],
 )
 def test_estimate_for_a_picture_is_within_a_factor_of_two(

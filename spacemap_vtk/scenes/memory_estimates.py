@@ -23,6 +23,8 @@ from spacemap_vtk.scenes.scene import Scene
 _PROGRAM = 200_000_000
 #: Each drawn pixel, with its depth, samples, shading and position in the picture.
 _PIXEL = 60
+#: Each pixel of a panel that shows only a sheet, which is drawn with `SAMPLES` samples per pixel.
+_SHEET_PIXEL = 80
 #: Each patch at rest: control points and labels.
 _PATCH = 300
 #: Each patch that moves, in addition: its rest shape, its tetrahedra and their weights.
@@ -94,20 +96,23 @@ def supersampling(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int,
     return _BLOCK_SHADED, SAMPLES
 
 
-def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
-    """Return the memory of windows and pictures, including the program's."""
+def pixel_bytes(scene: Scene, request: PictureRequest, sheet: bool = False) -> int:
+    """Return the memory of windows and pictures, of yarns or a sheet; including the program's."""
     view, panels = scene.view, panel_contents(scene, request.panels)
     shadows = (
         view.shadows
         and view.resolved_style.occlusion > 0.0
         and not COLORINGS[view.color].shows_numbers
     )
-    drawn = 0
+    found = _PROGRAM
     for panel, width in zip(panels, panel_widths(request.size[0], len(panels)), strict=True):
         size = width, request.size[1]
-        block, _ = supersampling(panel, shadows and panel != "cage", size)
-        drawn += block**2 * prod(size)
-    return _PROGRAM + _PIXEL * drawn
+        if sheet and panel == "fabric":
+            found += _SHEET_PIXEL * prod(size)
+        else:
+            block, _ = supersampling(panel, shadows and panel != "cage", size)
+            found += _PIXEL * block**2 * prod(size)
+    return found
 
 
 def yarn_bytes(scene: Scene, request: PictureRequest, patches: int, sides: int) -> int:
@@ -142,7 +147,7 @@ def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
     solved = COLORINGS[scene.view.color].array in CrimpInterchange.provides
     solved |= measured and scene.stage("crimp") is not None
     each = _CROSSING + _MEASURED_CROSSING * measured + _SOLVED_CROSSING * solved
-    return pixel_bytes(scene, request) + crossings * each
+    return pixel_bytes(scene, request, sheet=True) + crossings * each
 
 
 def require_pixels(scene: Scene, request: PictureRequest) -> None:

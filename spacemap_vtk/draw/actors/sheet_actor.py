@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
@@ -40,6 +41,7 @@ from spacemap_vtk.draw.actors.cloth_appearance import (
     ClothAppearance,
     appearance_of,
 )
+from spacemap_vtk.draw.actors.color_values import COLOR_VALUES
 from spacemap_vtk.draw.actors.lighting import lighting_code
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
@@ -50,7 +52,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
-from spacemap_vtk.ndarrays import Bytes, Floats, Ints
+from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
 from spacemap_vtk.scenes.styles import Style
@@ -74,6 +76,12 @@ _REFLECTED = 0.7
 _MOST_TILE_TEXELS = 4.5
 #: Yarns wider than this number of pixels are drawn by their tiles.
 _TILED = 1.3
+#: Numbers of cells along each side of a simplified sheet. The least is enough for the eye's
+#: direction, which differs from cell to cell by a degree.
+_FEW_CELLS = (24, 48, 96)
+#: Largest error of a simplified sheet's unit vectors, and of its numbers as a share of their range.
+_TURNED = 0.02
+_NUMBER_ERROR = 0.002
 
 _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
@@ -564,7 +572,7 @@ def coarsen_sheet(
     """Return a sheet with at most `max_cells` cells along each side, without those in a hole."""
     # Fewer vertices mean less work, because the sheet is lit at its vertices. The hole is given in
     # columns and rows of the original cells.
-    lines = [np.linspace(0, n, min(n, max_cells) + 1).astype(np.int64) for n in cells]
+    lines = [_chosen_lines(n, max_cells) for n in cells]
     chosen = (lines[1][:, None] * (cells[0] + 1) + lines[0]).ravel()
     polygons = quadrilaterals(len(lines[0]) - 1, len(lines[1]) - 1)
     if hole is not None:
@@ -578,6 +586,61 @@ def coarsen_sheet(
     coarse.SetPolys(to_cells(polygons))
     copy_rows(sheet.GetPointData(), coarse.GetPointData(), chosen)
     return coarse
+
+
+def simplify_sheet(sheet: vtkPolyData, cells: tuple[int, int], tolerance: float) -> vtkPolyData:
+    """Return a sheet with fewer cells that looks the same.
+
+    OpenGL shades pixels in blocks, so that cells of few pixels take several times as long.
+
+    Parameters
+    ----------
+    sheet : vtkPolyData
+        Sheet of `make_sheet`, deformed.
+    cells : tuple of 2 int
+        Its columns and rows of cells.
+    tolerance : float
+        Largest error of positions, in m.
+
+    Returns
+    -------
+    vtkPolyData
+        `sheet` itself if it bends too much.
+    """
+    data, shape = sheet.GetPointData(), (cells[1] + 1, cells[0] + 1, -1)
+    columns = [points_of(sheet).reshape(shape) / tolerance]
+    for name in ("warp", "weft"):
+        along = vtk_to_numpy(data.GetArray(name)).reshape(shape)
+        length = np.linalg.norm(along, axis=-1, keepdims=True)
+        columns.append(along / np.maximum(length, 1e-30) / _TURNED)
+    if (numbers := data.GetArray(COLOR_VALUES)) is not None:
+        values = vtk_to_numpy(numbers).reshape(shape)
+        columns.append(values / max(float(np.ptp(values)) * _NUMBER_ERROR, 1e-30))
+    exact = np.concatenate(columns, axis=-1)
+    for count in _FEW_CELLS:
+        if count >= max(cells):
+            break
+        lines = [_chosen_lines(n, count) for n in cells]
+        kept = exact[np.ix_(lines[1], lines[0])]
+        rebuilt = _interpolate(_interpolate(kept, lines[1], 0), lines[0], 1)
+        if np.abs(rebuilt - exact).max() <= 1.0:
+            return coarsen_sheet(sheet, cells, count)
+    return sheet
+
+
+def _interpolate(values: AnyFloats, lines: Ints, axis: int) -> AnyFloats:
+    """Return values at all lines of a sheet from those at some lines."""
+    every = np.arange(lines[-1] + 1)
+    before = np.clip(np.searchsorted(lines, every, side="right") - 1, 0, len(lines) - 2)
+    share = (every - lines[before]) / (lines[before + 1] - lines[before])
+    share = share.reshape([-1 if k == axis else 1 for k in range(values.ndim)])
+    low, high = values.take(before, axis), values.take(before + 1, axis)
+    return np.asarray(low + share * (high - low))
+
+
+def _chosen_lines(cells: int, most: int) -> Ints:
+    """Return the lines between cells that remain if there are at most `most` cells."""
+    return np.linspace(0, cells, min(cells, most) + 1).astype(np.int64)
 
 
 def quadrilaterals(columns: int, rows: int) -> Ints:
