@@ -589,24 +589,9 @@ def coarsen_sheet(
 
 
 def simplify_sheet(sheet: vtkPolyData, cells: tuple[int, int], tolerance: float) -> vtkPolyData:
-    """Return a sheet with fewer cells that looks the same.
-
-    OpenGL shades pixels in blocks, so that cells of few pixels take several times as long.
-
-    Parameters
-    ----------
-    sheet : vtkPolyData
-        Sheet of `make_sheet`, deformed.
-    cells : tuple of 2 int
-        Its columns and rows of cells.
-    tolerance : float
-        Largest error of positions, in m.
-
-    Returns
-    -------
-    vtkPolyData
-        `sheet` itself if it bends too much.
-    """
+    """Return a sheet with fewer cells that looks the same; `sheet` itself if it bends too much."""
+    # Positions differ by at most `tolerance`, in m. OpenGL shades pixels in blocks, so that cells
+    # of few pixels take several times as long.
     data, shape = sheet.GetPointData(), (cells[1] + 1, cells[0] + 1, -1)
     columns = [points_of(sheet).reshape(shape) / tolerance]
     for name in ("warp", "weft"):
