@@ -115,6 +115,8 @@ def draw_row(file: str, text: str) -> Image.Image:
 def main(names: list[str]) -> None:
     """Draw the sheets; if there are names, only the rows of these drafts."""
     for sheet, drafts in SHEETS.items():
+        if names and not any(Path(file).stem in names for file in drafts):
+            continue
         target = HERE / f"{sheet}.jpg"
         width, height = 2 * 4 * (CELL + GAP), CELL + TEXT
         page = Image.new("RGB", (width, height * ((len(drafts) + 1) // 2)), "white")

@@ -82,7 +82,7 @@ def draw_sweep(file: Path) -> None:
         "weave.weft_spacing": "0.4 mm,0.5 mm,0.6 mm",
         "yarns.bending": "1 mN.mm2,2 mN.mm2,4 mN.mm2",
     }
-    draw_sheet(file, "yarn_to_cloth", "640x400", 0.5, **values)
+    draw_sheet(file, "yarn_to_cloth", "640x400", 2.0 / 3.0, **values)
 
 
 def draw_close(file: Path) -> None:
