@@ -200,6 +200,13 @@ def test_too_large_sheet_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     assert scene.source.executions == 0
 
 
+def test_a_sheet_of_10_000_yarns_needs_its_halved_textures() -> None:
+    # 1.75 GB were measured for 10,000 x 10,000 yarns at 1280 x 1280.
+    scene = Scene({"weave": {"ends": 10_000, "picks": 10_000}})
+    size = choose_level(scene, PictureRequest((1280, 1280))).bytes
+    assert 0.5 * 1.75e9 < size < 2 * 1.75e9
+
+
 def test_draft_too_large_for_any_machine_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,7 +9,6 @@ from scipy.interpolate import RegularGridInterpolator
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of, to_points
-from spacemap_vtk.draw.actors import sheet_actor
 from spacemap_vtk.draw.actors.sheet_actor import add_directions, make_sheet, simplify_sheet
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.graphics import prepare_offscreen
@@ -141,7 +140,7 @@ def test_crossings_beyond_the_texture_size_keep_their_mean_colours(
         return codes_of(quarters)
 
     exact = mean()
-    monkeypatch.setattr(sheet_actor, "LONGEST_ROW", 64)
+    monkeypatch.setattr(level_of_detail, "LONGEST_ROW", 64)
     np.testing.assert_allclose(mean(), exact, atol=2.0)
 
 

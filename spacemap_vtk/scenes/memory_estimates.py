@@ -39,8 +39,10 @@ _SURFACE_POINT = 2 * DRAWN_POINT
 _MESH_POINT = 300
 #: Each point of such triangles, in the frames that are compared, and in writers.
 _FRAME_POINT = 125
-#: Each crossing of a sheet: its colours in four textures.
-_CROSSING = 50
+#: Each crossing of a sheet: its drawdown.
+_CROSSING = 2
+#: Each texel of a sheet: its colours in four textures.
+_TEXEL = 50
 #: Each crossing in addition, if clearances are measured.
 _MEASURED_CROSSING = 150
 #: Each crossing in addition, if the state of its yarns is solved.
@@ -141,13 +143,14 @@ def frame_bytes(points: int) -> int:
     return _FRAME_POINT * points
 
 
-def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
-    """Return the memory of a picture of a sheet that replaces a scene's yarns."""
+def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int, halvings: int) -> int:
+    """Return the memory of a picture of a sheet, whose textures are halved some times."""
     measured = scene.view.color == "clearance"
     solved = COLORINGS[scene.view.color].array in CrimpInterchange.provides
     solved |= measured and scene.stage("crimp") is not None
     each = _CROSSING + _MEASURED_CROSSING * measured + _SOLVED_CROSSING * solved
-    return pixel_bytes(scene, request, sheet=True) + crossings * each
+    texels = crossings // 4**halvings
+    return pixel_bytes(scene, request, sheet=True) + crossings * each + texels * _TEXEL
 
 
 def require_pixels(scene: Scene, request: PictureRequest) -> None:

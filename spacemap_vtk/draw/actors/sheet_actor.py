@@ -54,7 +54,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
 )
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
+from spacemap_vtk.scenes.level_of_detail import texture_halvings
 from spacemap_vtk.scenes.styles import Style
 from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -437,7 +437,7 @@ class SheetActor(SurfaceActor):
             return
         self._shown, self._crossings = state, crossings
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
-        halvings = _halving_count(max(cloth.size))
+        halvings = texture_halvings(cloth.size)
         fragment.SetUniform2f("crossings", [count / 2**halvings for count in cloth.size])
         fragment.SetUniformi("averaged", halvings > 0)
         if crossings is None:
@@ -688,24 +688,21 @@ def _pad(pixels: Bytes, levels: int) -> Bytes:
     return np.pad(pixels, (*more, (0, 0)))
 
 
-def _halving_count(count: int) -> int:
-    """Return how often `count` texels must be halved until they fit into an OpenGL texture."""
-    return max(0, (count - 1).bit_length() - LONGEST_ROW.bit_length() + 1)
-
-
 def _halve(pixels: Bytes) -> Bytes:
     """Return the means of blocks of 2 x 2 texels, computed in linear light."""
     even = _pad(pixels, 1)
     share = np.arange(256, dtype=np.float32) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    # A twentieth of a code, where codes are closest to each other.
+    fine = np.linspace(0.0, 1.0, 2**16)
+    codes = np.where(fine <= 0.0031308, 12.92 * fine, 1.055 * fine ** (1 / 2.4) - 0.055)
+    encoded, plain = (np.rint(255 * each).astype(np.uint8) for each in (codes, fine))
     halved = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
     for channel in range(4):
         table = share if channel == 3 else light
         parts = [table[even[row::2, column::2, channel]] for row in (0, 1) for column in (0, 1)]
-        mean = 0.25 * sum(parts)
-        if channel < 3:
-            mean = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
-        halved[..., channel] = np.rint(255 * mean)
+        place = (sum(parts) * np.float32(0.25 * 65535) + np.float32(0.5)).astype(np.uint16)
+        halved[..., channel] = (plain if channel == 3 else encoded)[place]
     return halved
 
 
