@@ -168,6 +168,25 @@ def test_a_pattern_weft_covers_its_tabby_without_overlap() -> None:
     assert max(deepest) < 4e-3 * size
 
 
+def test_short_floats_of_a_pattern_weft_spread_by_half() -> None:
+    draft = Path(__file__).parents[1] / "scenes" / "drafts" / "summer_and_winter.wif"
+    cloth = WeaveSource(draft=draft, ends=16, picks=16).cloth
+    points, _, yarn = surface(build_weave(cloth), 8)
+    width: dict[int, list[float]] = {1: [], 2: [], 3: []}  # by crossings of the float
+    for pick in range(0, 16, 2):
+        over = np.flatnonzero(np.diff(~cloth.drawdown[pick], prepend=True, append=True))
+        for first, last in itertools.pairwise(over):
+            length = last - first
+            if cloth.drawdown[pick, first] or length not in width or first == 0 or last == 16:
+                continue
+            middle = cloth.yarns[0].position[first:last].mean()
+            mine = (yarn == 16 + pick) & (np.abs(points[:, 0] - middle) < 0.02e-3)
+            width[length].append(float(np.ptp(points[mine, 1])))
+    lens, short, long_ = (np.mean(width[length]) for length in (1, 2, 3))
+    assert (short - lens) / (long_ - lens) == pytest.approx(0.5, abs=0.03)
+    assert long_ > 1.5 * lens
+
+
 def test_neighbouring_floats_close_up_and_stay_apart() -> None:
     cloth = closed_cloth(WEAVES["twill"])
     points, _, yarn = surface(build_weave(cloth), 6)
