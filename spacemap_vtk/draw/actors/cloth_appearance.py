@@ -12,9 +12,8 @@ tile for each local weave.
 from __future__ import annotations
 
 import hashlib
-import pickle
-from dataclasses import fields
-from typing import NamedTuple
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -227,7 +226,7 @@ _APPEARANCES: WeakKeyDictionary[Cloth, ClothAppearance] = WeakKeyDictionary()
 #: with other colours usually comes next.
 _LAST: dict[bytes, ClothAppearance] = {}
 #: Fields of cloths and threads that the appearance does not depend on.
-_IGNORED = {"warp", "weft", "colors", "size", "density", "warnings", "cure", "names"}
+_IGNORED = {"colors", "size", "density", "warnings", "cure", "names"}
 #: Largest number of crossings of a cloth whose local weaves are all numbered.
 _NUMBERED = 4_000_000
 
@@ -246,9 +245,19 @@ def appearance_of(cloth: Cloth) -> ClothAppearance:
 def _compute_digest(cloth: Cloth) -> bytes:
     """Compute a digest of the shape of a cloth's yarns."""
     digest = hashlib.sha256()
-    for part in (cloth, cloth.warp, cloth.weft):
-        chosen = (each.name for each in fields(part) if each.name not in _IGNORED)
-        digest.update(pickle.dumps([getattr(part, name) for name in chosen]))
+
+    def update(value: Any) -> None:
+        if is_dataclass(value):
+            for each in fields(value):
+                if each.name not in _IGNORED:
+                    update(getattr(value, each.name))
+        elif isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype} {value.shape} ".encode())
+            digest.update(value.tobytes())
+        else:
+            digest.update(f"{value!r} ".encode())
+
+    update(cloth)
     return digest.digest()
 
 
