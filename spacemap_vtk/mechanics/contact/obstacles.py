@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats
 
 
@@ -70,6 +71,19 @@ class Obstacle(ABC):
         gap, gradient, curvature = self._local_distance((points - self.center) @ self.frame.T)
         return Distance(gap, gradient @ self.frame, self.frame.T @ curvature @ self.frame)
 
+    def gap(self, points: Floats) -> Floats:
+        """Compute the signed distance of points alone, (n,) [m]."""
+        return self._local_gap((points - self.center) @ self.frame.T)
+
+    @property
+    def digest(self) -> str:
+        """Digest of shape and place."""
+        return digest_of(type(self).__name__, *vars(self).values())
+
+    @abstractmethod
+    def _local_gap(self, points: Floats) -> Floats:
+        """Compute the distance in the body's own frame, without derivatives."""
+
     @abstractmethod
     def _local_distance(self, points: Floats) -> Distance:
         """Compute the distance in the body's own frame."""
@@ -77,6 +91,9 @@ class Obstacle(ABC):
 
 class Plane(Obstacle):
     """Half-space below a plane, whose normal is the axis."""
+
+    def _local_gap(self, points: Floats) -> Floats:
+        return points[:, 2]
 
     def _local_distance(self, points: Floats) -> Distance:
         normal = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
@@ -107,6 +124,9 @@ class RoundedBox(Obstacle):
         half = np.asarray(size, dtype=np.float64) / 2
         self._core, self._rounding = half - rounding, rounding
         self.depth = float(half.min())
+
+    def _local_gap(self, points: Floats) -> Floats:
+        return _gap_of_box(points, self._core, self._rounding)
 
     def _local_distance(self, points: Floats) -> Distance:
         return _thickened_box(points, self._core, self._rounding)
@@ -141,6 +161,10 @@ class Cylinder(Obstacle):
         self._core = np.array([radius, height / 2]) - rounding
         self._rounding = rounding
         self.depth = min(radius, height / 2)
+
+    def _local_gap(self, points: Floats) -> Floats:
+        plane = np.column_stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]])
+        return _gap_of_box(plane, self._core, self._rounding)
 
     def _local_distance(self, points: Floats) -> Distance:
         radius = np.hypot(points[:, 0], points[:, 1])
@@ -183,6 +207,9 @@ class SampledBody(Obstacle):
         self._coefficients = spline_filter(values, 3, mode="mirror")
         self._origin, self._spacing = np.asarray(origin, dtype=np.float64), spacing
         self.depth = max(float(-values.min()), spacing)
+
+    def _local_gap(self, points: Floats) -> Floats:
+        return self._local_distance(points).gap
 
     def _local_distance(self, points: Floats) -> Distance:
         shape = np.array(self._coefficients.shape)
@@ -245,8 +272,15 @@ def frame_along(axis: ArrayLike) -> Floats:
     )
 
 
-def _thickened_box(points: Floats, core: Floats, rounding: float) -> Distance:
+def _gap_of_box(points: Floats, core: Floats, rounding: float) -> Floats:
     """Compute the distance from a box, of half sides `core` (d,), that is thickened all round."""
+    beyond = abs(points) - core
+    out = np.sqrt((np.maximum(beyond, 0.0) ** 2).sum(axis=1))
+    return out + np.minimum(beyond.max(axis=1), 0.0) - rounding
+
+
+def _thickened_box(points: Floats, core: Floats, rounding: float) -> Distance:
+    """Compute the same distance with its derivatives."""
     sign = np.where(points < 0, -1.0, 1.0)
     beyond = abs(points) - core
     out = np.maximum(beyond, 0.0)

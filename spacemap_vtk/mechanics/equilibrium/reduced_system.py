@@ -41,6 +41,10 @@ class ReducedSystem:
         #: Factor of each term.
         self.factors = np.ones(len(terms))
         self._transposed = self.basis.T
+        #: Stiffness that is added to each coordinate in steps, but not to the forces, so that
+        #: motions which nothing resists have finite steps.
+        self.inertia = np.zeros(basis.shape[1])
+        self.inertia_scale = 1.0
         #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
@@ -199,7 +203,9 @@ class ReducedSystem:
         self._progress(1.0 - float(np.exp(-self.steps / 40)))
 
     def _add_shift(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
-        return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
+        return matrix + sp.diags(
+            self._shift * matrix.diagonal() + self.inertia_scale * self.inertia, format="csr"
+        )
 
 
 def reduction_entries(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:

@@ -39,7 +39,7 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     assemble_tangent,
     digest_of,
 )
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
+from spacemap_vtk.mechanics.equilibrium.vertex_terms import in_model_nodes
 from spacemap_vtk.mechanics.modal.pencil import Nodes, Pencil, free_columns, require_columns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
@@ -101,7 +101,7 @@ class MeshPencil(Pencil):
         self.fittings, self._local = fittings, local
         self.surface = find_mid_surface(points, cells) if len(material) > 1 else None
         #: Terms other than elements and springs.
-        self.added = [VertexTerm(term, self.surface, 1 / modulus) for term in added]
+        self.added = [in_model_nodes(term, self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
                 "the cage cannot be a sheet: it is not a lattice of one layer",

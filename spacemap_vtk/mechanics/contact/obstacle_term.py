@@ -1,0 +1,314 @@
+"""Energy of a cage against a rigid obstacle: one-sided springs at samples of its surface.
+
+A sample of area A at the signed distance g has the energy ½ k A min(g - T/2, 0)², with half the
+sheet's thickness T. The stiffness is the largest that the mesh resolves: a plate of rigidity D on
+a bed of stiffness k has a boundary layer of length (4 D/k)^¼, which is a quarter of a cell for
+
+    k = 1024 D/cell⁴
+
+This is 10.5 times the stiffness D (π/cell)⁴ of the shortest wave of the mesh. The surface of a
+solid resists its shortest wave with E/(1 - ν²) π/(2 cell); 10.5 times this is about
+16 E/(1 - ν²)/cell.
+
+Friction is Coulomb's. Each sample has an anchor: a spring of the same stiffness k A holds it there
+up to μ times the normal force of the state before, beyond which the friction is constant. As the
+limit is given, friction has a potential, too; the state is found by repeating with new limits.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.mechanics.contact.obstacles import Obstacle
+from spacemap_vtk.mechanics.contact.samples import Samples
+from spacemap_vtk.mechanics.elements.shell import MidSurface
+from spacemap_vtk.mechanics.equilibrium.energy_terms import (
+    EnergyTerm,
+    TermState,
+    digest_of,
+    sum_at_nodes,
+)
+from spacemap_vtk.ndarrays import Bools, Floats
+
+#: Stiffness times cell⁴/D of a sheet.
+SHEET_STIFFNESS = 1024.0
+#: Stiffness times cell/E' of a solid, E' its modulus of plane strain.
+SOLID_STIFFNESS = 16.0
+
+#: A sample slides if its friction is at least this share of the limit.
+_SLIDES = 1.0 - 1e-6
+
+
+class Friction(NamedTuple):
+    """Friction at the samples of an obstacle."""
+
+    anchors: Floats
+    """(E, m, 3), where each sample is held [m]; NaN where none."""
+    normals: Floats
+    """(E, m, 3), normal of the obstacle at each sample; friction acts across it."""
+    limits: Floats
+    """(E, m), largest friction [N]."""
+    is_settled: bool = False
+    """Whether friction of sliding samples is a constant force, as in vibrations about a state."""
+
+
+class Contact(NamedTuple):
+    """What an obstacle and a cage do to each other."""
+
+    force: Floats
+    """(3,), force on the obstacle [N]."""
+    points: int
+    """Number of samples that touch."""
+    penetration: float
+    """Largest depth [m]."""
+    sliding: int
+    """Number of these samples whose friction has reached its limit; all without friction."""
+
+
+class ObstacleTerm(EnergyTerm):
+    """Contact with one obstacle; a sheet's nodes are pairs of vertices, see `in_nodes`."""
+
+    def __init__(
+        self,
+        obstacle: Obstacle,
+        samples: Samples,
+        stiffness: float,
+        offset: float = 0.0,
+        coefficient: float = 0.0,
+        friction: Friction | None = None,
+        surface: MidSurface | None = None,
+    ) -> None:
+        self.obstacle, self.samples, self.stiffness = obstacle, samples, stiffness
+        self.offset, self.coefficient, self.friction = offset, coefficient, friction
+        self.surface = surface
+        self.nodes = samples.nodes
+        if surface is not None:
+            # The mid-point of a pair is the mean of its vertices.
+            self.nodes = surface.pairs[samples.nodes].reshape(len(samples.nodes), -1)
+            weights = np.repeat(samples.weights, 2, axis=1) / 2
+            self.samples = samples._replace(nodes=self.nodes, weights=weights)
+        self._given = samples
+
+    def replace(self, **changes: Any) -> ObstacleTerm:
+        """Make a copy with other values of the constructor's arguments."""
+        given = {
+            "obstacle": self.obstacle,
+            "samples": self._given,
+            "stiffness": self.stiffness,
+            "offset": self.offset,
+            "coefficient": self.coefficient,
+            "friction": self.friction,
+            "surface": self.surface,
+        }
+        return ObstacleTerm(**{**given, **changes})
+
+    def in_nodes(self, surface: MidSurface | None, factor: float) -> ObstacleTerm:
+        """Return the term of a sheet's mid-points, or of a solid's vertices, times a factor."""
+        friction = self.friction
+        if friction is not None:
+            friction = friction._replace(limits=factor * friction.limits)
+        return self.replace(surface=None, stiffness=factor * self.stiffness, friction=friction)
+
+    def at_rest(self, positions: Floats, anchors: Floats) -> ObstacleTerm:
+        """Return the term of a state at rest with these anchors of friction, (S, 3)."""
+        # Sticking samples resist with their springs; sliding ones with a constant force.
+        if self.coefficient == 0.0:
+            return self
+        given = anchors.reshape(*self.samples.areas.shape, 3)
+        limits = np.zeros(self.samples.areas.shape)
+        term = self.replace(friction=Friction(given, np.zeros_like(given), limits))
+        renewed = renew_friction(term, positions)
+        assert renewed.friction is not None
+        return renewed.replace(friction=renewed.friction._replace(is_settled=True))
+
+    @property
+    def digest(self) -> str:
+        """Digest of obstacle, samples, stiffness and friction."""
+        friction = () if self.friction is None else self.friction
+        given = self.stiffness, self.offset, self.coefficient
+        return digest_of(self.obstacle.digest, *self.samples, *given, *friction)
+
+    def evaluate(self, positions: Floats) -> ObstacleState:
+        """Evaluate gaps and forces."""
+        return ObstacleState(self, positions)
+
+    def energy(self, positions: Floats) -> float:
+        """Compute the energy of springs and friction [J]."""
+        return self.evaluate(positions).energy
+
+    def forces(self, positions: Floats) -> Floats:
+        """Compute the forces that hold the cage against the obstacle [N], (V, 3)."""
+        return self.evaluate(positions).forces
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Compute the exact tangent [N/m], (E, 3 n, 3 n)."""
+        return self.evaluate(positions).tangent()
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Compute the largest step with which no sample passes through the obstacle's middle."""
+        depth = self.obstacle.depth
+        if not np.isfinite(depth):
+            return np.inf
+        gap = self.gaps(positions)
+        room = np.maximum(gap + depth, 0.1 * depth)
+        moved = np.linalg.norm(self.samples.positions(move), axis=2)
+        return float((room / np.maximum(moved, 1e-300)).min())
+
+    def gaps(self, positions: Floats) -> Floats:
+        """Compute the distance of each sample from the obstacle, (E, m) [m]."""
+        where = self.samples.positions(positions)
+        return self.obstacle.gap(where.reshape(-1, 3)).reshape(where.shape[:2]) - self.offset
+
+
+class ObstacleState(TermState):
+    """An obstacle's term at fixed positions."""
+
+    def __init__(self, term: ObstacleTerm, positions: Floats) -> None:
+        super().__init__(term, positions)
+        self._obstacle, samples, self._count = term, term.samples, len(positions)
+        self._points = samples.positions(positions)
+        gap = term.obstacle.gap(self._points.reshape(-1, 3)) - term.offset
+        depth = np.maximum(-gap.reshape(samples.areas.shape), 0.0)
+        #: (E,) Elements of which a sample touches.
+        self.elements = np.flatnonzero(depth.any(axis=1))
+        part = self.elements
+        #: (e, m) Depth, spring constants and normal forces at the samples of these elements.
+        self.depth = depth[part]
+        self._springs = term.stiffness * samples.areas[part]
+        self.press = self._springs * self.depth
+        self._inside = self.depth > 0
+
+    @cached_property
+    def _distance(self) -> tuple[Floats, Floats]:
+        """Gradient (e, m, 3) and curvature (e, m, 3, 3) of the distance where a sample touches."""
+        shape = self.depth.shape
+        gradient, curvature = np.zeros((*shape, 3)), np.zeros((*shape, 3, 3))
+        found = self._obstacle.obstacle.distance(self._points[self.elements][self._inside])
+        gradient[self._inside], curvature[self._inside] = found.gradient, found.curvature
+        return gradient, curvature
+
+    @cached_property
+    def _slip(self) -> tuple[Floats, Floats, Floats] | None:
+        """Move from the anchors along the surface, its length, and the secant stiffness."""
+        friction = self._obstacle.friction
+        if friction is None:
+            return None
+        part = self.elements
+        normals = friction.normals[part]
+        moved = np.nan_to_num(self._points[part] - friction.anchors[part])
+        moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
+        length = np.linalg.norm(moved, axis=2)
+        limit = friction.limits[part]
+        slides = self._springs * length > limit
+        secant = np.where(slides, limit / np.where(slides, length, 1.0), self._springs)
+        secant[np.isnan(friction.anchors[part, :, 0])] = 0.0
+        return moved, length, secant
+
+    @cached_property
+    def energy(self) -> float:
+        """Energy of springs and friction [J]."""
+        total = 0.5 * float(np.vdot(self.press, self.depth))
+        if self._slip is not None:
+            _, length, secant = self._slip
+            # ½ k s² up to the limit L, and L s - ½ L²/k beyond it.
+            total += float((secant * length**2 * (1 - secant / self._springs / 2)).sum())
+        return total
+
+    @cached_property
+    def friction(self) -> Floats:
+        """Friction at the samples of the touching elements [N], (e, m, 3)."""
+        if self._slip is None:
+            return np.zeros((*self.depth.shape, 3))
+        moved, _, secant = self._slip
+        return secant[..., None] * moved
+
+    @cached_property
+    def sample_forces(self) -> Floats:
+        """Forces that hold the samples of the touching elements [N], (e, m, 3)."""
+        return self.friction - self.press[..., None] * self._distance[0]
+
+    @cached_property
+    def forces(self) -> Floats:
+        """Forces that hold the nodes [N], (V, 3)."""
+        samples = self._obstacle.samples
+        nodal = samples.weights.T @ self.sample_forces
+        return sum_at_nodes(samples.nodes[self.elements], nodal, self._count)
+
+    def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
+        """Compute the tangent; without its share of the obstacle's curvature, which is negative."""
+        samples = self._obstacle.samples
+        count, size = len(samples.nodes), samples.nodes.shape[1]
+        result = np.zeros((count, 3 * size, 3 * size))
+        if not len(self.elements):
+            return result
+        normal, curvature = self._distance
+        springs = (self._springs * self._inside)[..., None, None]
+        each = springs * normal[..., :, None] * normal[..., None, :]
+        each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
+        if self._slip is not None:
+            each += self._friction_tangent()
+        products = samples.weights[:, :, None] * samples.weights[:, None, :]
+        products = products.reshape(len(products), -1)
+        blocks = each.reshape(*each.shape[:2], 9).swapaxes(1, 2) @ products
+        blocks = blocks.reshape(-1, 3, 3, size, size).transpose(0, 3, 1, 4, 2)
+        result[self.elements] = blocks.reshape(-1, 3 * size, 3 * size)
+        return result
+
+    def _friction_tangent(self) -> Floats:
+        assert self._slip is not None
+        friction = self._obstacle.friction
+        assert friction is not None
+        moved, length, secant = self._slip
+        slides = secant < self._springs
+        if friction.is_settled:
+            slides = secant * length >= _SLIDES * friction.limits[self.elements]
+            secant = np.where(slides, 0.0, secant)
+        normals = friction.normals[self.elements]
+        across = np.eye(3) - normals[..., :, None] * normals[..., None, :]
+        way = moved / np.where(length > 0, length, 1.0)[..., None]
+        along = slides[..., None, None] * way[..., :, None] * way[..., None, :]
+        return np.asarray(secant[..., None, None] * (across - along))
+
+    def report(self) -> Contact:
+        """Summarise the contact."""
+        touching = int(self._inside.sum())
+        sliding = touching
+        if self._slip is not None and self._obstacle.friction is not None:
+            _, length, secant = self._slip
+            limit = self._obstacle.friction.limits[self.elements]
+            sliding -= int((self._inside & (secant * length < _SLIDES * limit)).sum())
+        # What holds the cage is the negative of the force that pushes it away.
+        force = self.sample_forces.sum(axis=(0, 1))
+        return Contact(force, touching, float(self.depth.max(initial=0.0)), sliding)
+
+
+def renew_friction(term: ObstacleTerm, positions: Floats, slide: bool = True) -> ObstacleTerm:
+    """Renew limits of friction and anchor new contacts; let anchors of sliding samples follow."""
+    if term.coefficient == 0.0:
+        return term
+    where = term.samples.positions(positions)
+    shape = where.shape[:2]
+    found = term.obstacle.distance(where.reshape(-1, 3))
+    depth = np.maximum(term.offset - found.gap, 0.0).reshape(shape)
+    springs = term.stiffness * term.samples.areas
+    limits = term.coefficient * springs * depth
+    anchors = (
+        np.full(where.shape, np.nan) if term.friction is None else term.friction.anchors.copy()
+    )
+    normals = found.gradient.reshape(where.shape)
+    touches: Bools = depth > 0
+    if slide:
+        moved = np.nan_to_num(where - anchors)
+        moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
+        length = np.linalg.norm(moved, axis=2)
+        too_far = springs * length > limits
+        share = np.where(too_far, limits / (springs * np.where(too_far, length, 1.0)), 1.0)
+        anchors = where - share[..., None] * moved
+    else:
+        new = touches & np.isnan(anchors[..., 0])
+        anchors[new] = where[new]
+    anchors[~touches] = np.nan
+    return term.replace(friction=Friction(anchors, normals, limits))

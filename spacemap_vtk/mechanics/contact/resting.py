@@ -1,0 +1,138 @@
+"""Equilibrium of a model on its obstacles, found on coarse cells first."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.mechanics.contact.obstacle_term import Friction, ObstacleTerm
+from spacemap_vtk.mechanics.contact.settle import settle
+from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad
+from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refine
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.ndarrays import Floats, Progress
+
+#: The coarsest sheet has at least this number of unknowns.
+_FEWEST = 500
+
+
+class Resting(NamedTuple):
+    """Equilibrium of a body on its obstacles."""
+
+    displacement: Floats
+    """(V, 3), displacement of the vertices [m]."""
+    anchors: Floats
+    """(S, 3), anchors of friction at the samples of all obstacles [m]; NaN where none."""
+
+
+def obstacles_of(model: Model) -> list[ObstacleTerm]:
+    """Return the terms of a model's obstacles."""
+    return [term for term in model.terms if isinstance(term, ObstacleTerm)]
+
+
+def find_resting_state(
+    model: Model, forces: Floats, progress: Progress | None = None, nested: bool = True
+) -> Resting:
+    """Find the equilibrium of an undeformed body under dead loads, on its obstacles.
+
+    A sheet is solved in cells twice as wide first, as long as there are enough of them. With
+    friction the result depends on the path: the cloth sticks where it first touches.
+
+    Parameters
+    ----------
+    model : Model
+        The body, with the terms of its obstacles.
+    forces : ndarray of float64, shape (3V,)
+        Forces on the vertices [N] of constant direction.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1; may raise to stop.
+    nested : bool, optional
+        Whether coarser cells are solved first.
+
+    Returns
+    -------
+    Resting
+        Displacement and the anchors of friction.
+
+    Raises
+    ------
+    InputError
+        If nothing holds the body against the load, or it falls past its obstacles.
+    SolverError
+        If no stable state was found.
+    """
+    guess, frictions = None, [term.friction for term in obstacles_of(model)]
+    coarse = coarsen(model) if nested else None
+    if coarse is not None and coarse.pencil.size >= _FEWEST:
+        found = find_resting_state(coarse, coarsen_loads(coarse, model, forces), progress)
+        guess = refine(coarse, model, found.displacement)
+        frictions = _refine_friction(coarse, model, found, guess)
+    pencil, surface = model.pencil, model.pencil.surface
+    load = forces.reshape(-1, 3) / model.modulus
+    load = load if surface is None else 2 * surface.to_nodes(load)
+    start = pencil.nodes.positions
+    moved = np.zeros_like(start)
+    if guess is not None:
+        moved = guess if surface is None else surface.to_nodes(guess)
+    contacts = [
+        term.replace(friction=friction).in_nodes(surface, 1 / model.modulus)
+        for term, friction in zip(obstacles_of(model), frictions, strict=True)
+    ]
+    result = settle(
+        [term for term in pencil.terms if not isinstance(term, ObstacleTerm)],
+        contacts,
+        pencil.basis.tocsr(),
+        start,
+        [DeadLoad(load, start)],
+        pencil.mass.diagonal(),
+        pencil.nodes.translate,
+        guess=None if guess is None else start + moved,
+        progress=progress,
+    )
+    moved = result.positions - start
+    anchors = [
+        np.full((term.samples.areas.size, 3), np.nan)
+        if term.friction is None
+        else term.friction.anchors.reshape(-1, 3)
+        for term in result.contacts
+    ]
+    return Resting(
+        moved if surface is None else surface.to_vertices(moved),
+        np.concatenate(anchors),
+    )
+
+
+def rested_terms(model: Model, resting: Resting) -> list[ObstacleTerm]:
+    """Return the obstacles' terms with friction as it is in the resting state."""
+    terms, positions = obstacles_of(model), model.points + resting.displacement
+    ends = np.cumsum([term.samples.areas.size for term in terms])[:-1]
+    found = []
+    for term, anchors in zip(terms, np.split(resting.anchors, ends), strict=True):
+        found.append(term.at_rest(positions, anchors))
+    return found
+
+
+def _refine_friction(
+    coarse: Model, fine: Model, resting: Resting, guess: Floats
+) -> list[Friction | None]:
+    """Let fine samples begin with the friction per area of the nearest coarse sample."""
+    from scipy.spatial import cKDTree
+
+    result: list[Friction | None] = []
+    for before, term in zip(rested_terms(coarse, resting), obstacles_of(fine), strict=True):
+        if before.friction is None:
+            result.append(None)
+            continue
+        state = before.evaluate(coarse.points + resting.displacement)
+        traction, limits = np.zeros((*before.samples.areas.shape, 3)), before.friction.limits
+        traction[state.elements] = state.friction / before.samples.areas[state.elements][..., None]
+        tree = cKDTree(before.samples.positions(coarse.points).reshape(-1, 3))
+        nearest = tree.query(term.samples.positions(fine.points).reshape(-1, 3))[1]
+        where = term.samples.positions(fine.points + guess)
+        moved = (traction.reshape(-1, 3)[nearest] / term.stiffness).reshape(where.shape)
+        normals = term.obstacle.distance(where.reshape(-1, 3)).gradient.reshape(where.shape)
+        shares = (limits / before.samples.areas).ravel()[nearest].reshape(where.shape[:2])
+        anchors = np.where(shares[..., None] > 0, where - moved, np.nan)
+        result.append(Friction(anchors, normals, shares * term.samples.areas))
+    return result

@@ -1,0 +1,189 @@
+"""Equilibrium of a cage that obstacles hold, with friction.
+
+The springs of contact reach their stiffness by decades, each state being the start of the next
+one. A cage that nothing else holds first falls, without deforming, until the softest springs carry
+its weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import brentq
+
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, renew_friction
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm
+from spacemap_vtk.mechanics.equilibrium.newton import MAX_RESIDUAL, MAX_UNRESISTED, load_in_shares
+from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
+from spacemap_vtk.mechanics.linalg import blas_threads
+from spacemap_vtk.ndarrays import Bools, Floats, Progress
+
+#: The softest springs have at least this share of their stiffness. The load presses them in by at
+#: most the second share of the obstacle's depth, and by the third of the cage's size.
+SOFTEST, MAX_DEPTH, MAX_SINKING = 1e-3, 0.02, 0.002
+
+#: Length of a step under the whole load where nothing resists it, over the size of the cage.
+_FREE_STEP = 0.05
+
+#: Largest number of searches for a state with given limits of friction, and of Newton steps after
+#: each in which the limits follow; steps end if this many in a row do not come nearer to balance.
+_MAX_REPEATS, _MAX_BALANCING, _PATIENCE = 20, 40, 4
+
+#: A cage falls past its obstacles if it does not meet them within this multiple of all sizes.
+_FAR = 3.0
+
+
+class Settled(NamedTuple):
+    """Stable equilibrium of a cage on obstacles."""
+
+    positions: Floats
+    """Nodal vectors (V, 3)."""
+    contacts: list[ObstacleTerm]
+    """The obstacles' terms, with their friction."""
+    steps: int
+    """Number of linear systems that were solved."""
+
+
+def settle(
+    terms: Sequence[EnergyTerm],
+    contacts: Sequence[ObstacleTerm],
+    basis: sp.csr_matrix,
+    start: Floats,
+    loads: Sequence[EnergyTerm],
+    mass: Floats,
+    translate: Bools,
+    *,
+    guess: Floats | None = None,
+    progress: Progress | None = None,
+    steps: int = 2400,
+) -> Settled:
+    """Find a stable equilibrium of a body on obstacles under loads.
+
+    `mass` (N,) is that of each free coordinate, `translate` (V,) tells which nodes are positions.
+    From a guess of the positions, (V, 3), the springs have their full stiffness at once. For the
+    other arguments see `find_equilibrium`.
+    """
+    given = list(contacts)
+    with blas_threads.use_one_thread():
+        system = ReducedSystem([*loads, *terms, *given], basis, start, progress or (lambda _: None))
+        forces = -np.sum([term.forces(start) for term in loads], axis=0)
+        load = system.reduce_forces(forces)
+        if system.unresisted_share(load) > MAX_UNRESISTED:
+            raise InputError(
+                "the cage, or a part of it, is not held against the load",
+                cure="Fix a side or a corner of it, or remove the load",
+            )
+        size = float(np.ptp(start[translate], axis=0).max())
+        total = float(np.linalg.norm(forces[translate].sum(axis=0)))
+        system.inertia = mass * (total / (mass.sum() / 3 * _FREE_STEP * size))
+        if guess is not None:
+            z, decades = guess, np.ones(1)
+        else:
+            z, decades = start, _decades(given, total, size)
+        current = _soften(given, decades[0])
+        if guess is None and basis.shape[0] == basis.shape[1] and total > 0.0:
+            z = fall(current, z, forces[translate].sum(axis=0), translate, size)
+        current = [renew_friction(t, z) if t.friction is None else t for t in current]
+        for share in decades:
+            current = [
+                term.replace(stiffness=share * whole.stiffness)
+                for term, whole in zip(current, given, strict=True)
+            ]
+            for _ in range(_MAX_REPEATS):
+                system.terms = [*loads, *terms, *current]
+                z = load_in_shares(system, len(loads), z, steps, rests=False).positions
+                z, current, balanced = _balance_friction(system, z, current, load)
+                if balanced:
+                    break
+            current = [renew_friction(term, z) for term in current]
+    if progress is not None:
+        progress(1.0)
+    return Settled(z, current, system.steps)
+
+
+def fall(
+    contacts: Sequence[ObstacleTerm],
+    start: Floats,
+    force: Floats,
+    translate: Bools,
+    size: float,
+) -> Floats:
+    """Move a body along a force, without deforming it, until its obstacles carry the force."""
+    way = force / np.linalg.norm(force)
+    move = np.where(translate[:, None], way, 0.0)
+
+    def gap(length: float) -> float:
+        return min(float(term.gaps(start + length * move).min()) for term in contacts)
+
+    def surplus(length: float) -> float:
+        z = start + length * move
+        held = np.sum([term.forces(z)[translate].sum(axis=0) for term in contacts], axis=0)
+        return float((held - force) @ way)
+
+    centers = np.array([term.obstacle.center for term in contacts])
+    reach = size + float(np.linalg.norm(centers - start[translate].mean(axis=0), axis=1).max())
+    length = 0.0
+    while (left := gap(length)) > 1e-9 * size:
+        length += left  # no obstacle is nearer than its distance
+        if length > _FAR * reach:
+            raise InputError(
+                "the cage falls past its obstacles",
+                key="obstacles",
+                cure="Put an obstacle below the cage, or fix a part of the cage",
+            )
+    # Deeper, or back if it starts too deep, until the springs carry the force.
+    side = -1.0 if surplus(length) > 0.0 else 1.0
+    step = 1e-6 * size
+    while side * surplus(length + side * step) < 0.0 and step < size:
+        step *= 2.0
+    if surplus(length) * surplus(length + side * step) < 0.0:
+        step = float(brentq(lambda x: surplus(length + side * x), 0.0, step))
+    return start + (length + side * step) * move
+
+
+def _decades(contacts: Sequence[ObstacleTerm], total: float, size: float) -> Floats:
+    """Choose the shares of the springs' stiffness, each at most ten times the one before."""
+    first = SOFTEST
+    for term in contacts:
+        allowed = min(MAX_DEPTH * term.obstacle.depth, MAX_SINKING * size)
+        sinking = total / float(term.samples.areas.sum()) / term.stiffness
+        first = max(first, sinking / allowed)
+    count = 1 + int(np.ceil(-np.log10(min(first, 1.0)) - 1e-9))
+    return np.geomspace(min(first, 1.0), 1.0, count)
+
+
+def _soften(contacts: Sequence[ObstacleTerm], share: float) -> list[ObstacleTerm]:
+    return [term.replace(stiffness=share * term.stiffness) for term in contacts]
+
+
+def _balance_friction(
+    system: ReducedSystem, z: Floats, contacts: list[ObstacleTerm], load: Floats
+) -> tuple[Floats, list[ObstacleTerm], bool]:
+    """Make Newton steps with limits of friction that follow the normal forces."""
+    # Return positions, terms, and whether forces are in balance then.
+    if all(term.coefficient == 0.0 for term in contacts):
+        return z, contacts, True
+    others = system.terms[: -len(contacts)]
+    best, since = np.inf, 0
+    for _ in range(_MAX_BALANCING):
+        contacts = [renew_friction(term, z, slide=False) for term in contacts]
+        system.terms = [*others, *contacts]
+        states = system.evaluate(z)
+        force = system.forces(states)
+        left = float(np.linalg.norm(force) / np.linalg.norm(load))
+        if left <= MAX_RESIDUAL:
+            return z, contacts, True
+        best, since = (left, 0) if left < best else (best, since + 1)
+        if since > _PATIENCE:
+            break
+        try:
+            solve = system.factorise(system.tangent(states))
+        except SolverError:
+            break
+        move = system.node_moves(-solve(force))
+        z = z + min(1.0, system.largest_step(z, move)) * move
+    return z, contacts, False
