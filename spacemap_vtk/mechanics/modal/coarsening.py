@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from spacemap_vtk.cage.lattice import build_lattice
@@ -56,52 +58,44 @@ def coarsen(model: Model) -> Model | None:
 
 
 def coarsen_loads(coarse: Model, fine: Model, forces: Floats) -> Floats:
-    """Sum forces on the vertices, (3V,), at the nearest of those that `coarsen` keeps."""
-    from scipy.spatial import cKDTree
-
-    nearest = cKDTree(coarse.points).query(fine.points)[1]
-    shared = forces.reshape(-1, 3)
-    total = np.stack(
-        [np.bincount(nearest, shared[:, axis], len(coarse.points)) for axis in range(3)], axis=1
-    )
-    return np.asarray(total.ravel())
+    """Share forces on the vertices, (3V,), linearly between the vertices that `coarsen` keeps."""
+    result, parts = np.zeros_like(coarse.points), forces.reshape(-1, 3)
+    for old, new in _ends_in_grids(coarse, fine):
+        shared = parts[new]
+        for axis, count in enumerate(new.shape):
+            lines = _kept_lines(count)
+            places, units = np.arange(count), np.eye(len(lines))
+            weights = np.stack([np.interp(places, lines, unit) for unit in units])
+            shared = np.moveaxis(np.tensordot(weights, shared, (1, axis)), 0, axis)
+        result[old] = shared
+    return result.ravel()
 
 
 def refine(coarse: Model, fine: Model, moved: Floats) -> Floats:
-    """Interpolate a displacement (V, 3) of the model made by `coarsen` to the vertices it left out.
-
-    Parameters
-    ----------
-    coarse, fine : Model
-        The model made by `coarsen`, and the one it was made of.
-    moved : ndarray of float64, shape (V, 3)
-        Displacement of the coarse vertices [m].
-
-    Returns
-    -------
-    ndarray of float64, shape (W, 3)
-        Displacement of the fine vertices by cubic splines along both directions [m].
-    """
+    """Interpolate a displacement (V, 3) of the model made by `coarsen` to all vertices, (W, 3)."""
+    # By cubic splines along both directions: linear interpolation would crease the sheet.
     from scipy.interpolate import make_interp_spline
 
-    surfaces = coarse.pencil.surface, fine.pencil.surface
-    assert surfaces[0] is not None
-    assert surfaces[1] is not None
-    few, many = (
-        _pair_grid(model.points, surface)
-        for model, surface in zip((coarse, fine), surfaces, strict=True)
-        if surface is not None
-    )
-    assert few is not None
-    assert many is not None
     result = np.empty_like(fine.points)
-    for old, new in zip(surfaces[0].pairs.T, surfaces[1].pairs.T, strict=True):
-        values = moved[old[few]]
-        for axis, count in enumerate(many.shape):
+    for old, new in _ends_in_grids(coarse, fine):
+        values = moved[old]
+        for axis, count in enumerate(new.shape):
             lines = _kept_lines(count)
             values = make_interp_spline(lines, values, k=3, axis=axis)(np.arange(count))
-        result[new[many]] = values
+        result[new] = values
     return result
+
+
+def _ends_in_grids(coarse: Model, fine: Model) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the vertices at the upper and lower ends of pairs, in rows and columns of both."""
+    grids = []
+    for model in (coarse, fine):
+        surface = model.pencil.surface
+        assert surface is not None
+        grid = _pair_grid(model.points, surface)
+        assert grid is not None
+        grids.append(surface.pairs[grid])
+    yield from ((grids[0][..., end], grids[1][..., end]) for end in (0, 1))
 
 
 def _kept_lines(count: int) -> Ints:
