@@ -232,7 +232,7 @@ def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | N
     # What changes in cells twice as wide still depends on the cells.
     weight = fewer.nodal_mass[:, None] * gravity
     try:
-        moved, _ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
+        moved, *_ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
     except SpacemapError:  # for example if no vertex remains that is held: all of it is in doubt
         figures["drape_coefficient_error"] = found
         return figures

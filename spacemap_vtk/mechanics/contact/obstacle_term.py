@@ -8,7 +8,7 @@ a bed of stiffness k has a boundary layer of length (4 D/k)^¼, which is a quart
 
 This is 10.5 times the stiffness D (π/cell)⁴ of the shortest wave of the mesh. The surface of a
 solid resists its shortest wave with E/(1 - ν²) π/(2 cell); 10.5 times this is about
-16 E/(1 - ν²)/cell.
+16 E/(1 - ν²)/cell, of which the mean Young's modulus is taken without ν.
 
 Friction is Coulomb's. Each sample has an anchor: a spring of the same stiffness k A holds it there
 up to μ times the normal force of the state before, beyond which the friction is constant. As the
@@ -24,6 +24,7 @@ import numpy as np
 
 from spacemap_vtk.mechanics.contact.obstacles import Obstacle
 from spacemap_vtk.mechanics.contact.samples import Samples
+from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import MidSurface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     EnergyTerm,
@@ -35,11 +36,32 @@ from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Stiffness times cell⁴/D of a sheet.
 SHEET_STIFFNESS = 1024.0
-#: Stiffness times cell/E' of a solid, E' its modulus of plane strain.
+#: Stiffness times cell/E of a solid.
 SOLID_STIFFNESS = 16.0
 
 #: A sample slides if its friction is at least this share of the limit.
 _SLIDES = 1.0 - 1e-6
+
+
+def contact_stiffness(material: Floats | Plate, cell: float) -> float:
+    """Compute the stiffness of contact per area that a mesh resolves.
+
+    Parameters
+    ----------
+    material : ndarray of float64, shape (6, 6), or Plate
+        Elasticity of a solid [Pa], or stiffness of a sheet.
+    cell : float
+        Width of the cells [m].
+
+    Returns
+    -------
+    float
+        Stiffness [N/m³], see the module.
+    """
+    if isinstance(material, Plate):
+        return SHEET_STIFFNESS * float(material.bending.diagonal()[:2].max()) / cell**4
+    normal = float(np.mean(1 / np.linalg.inv(material)[:3, :3].diagonal()))
+    return SOLID_STIFFNESS * normal / cell
 
 
 class Friction(NamedTuple):

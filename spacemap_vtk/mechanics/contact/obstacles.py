@@ -209,14 +209,21 @@ class SampledBody(Obstacle):
         self.depth = max(float(-values.min()), spacing)
 
     def _local_gap(self, points: Floats) -> Floats:
-        return self._local_distance(points).gap
+        from scipy.ndimage import map_coordinates
+
+        places, inside = self._in_grid(points)
+        gap = map_coordinates(self._coefficients, inside.T, prefilter=False, mode="mirror")
+        return np.asarray(gap + self._spacing * np.linalg.norm(places - inside, axis=1))
+
+    def _in_grid(self, points: Floats) -> tuple[Floats, Floats]:
+        """Return points in units of the grid, and the nearest places within it."""
+        # Outside of the grid the distance to it is added: no contact is there.
+        places = (points - self._origin) / self._spacing
+        return places, places.clip(1.0, np.array(self._coefficients.shape) - 2.0)
 
     def _local_distance(self, points: Floats) -> Distance:
-        shape = np.array(self._coefficients.shape)
-        places = (points - self._origin) / self._spacing
-        # Outside of the grid the distance to it is added: no contact is there.
-        inside = places.clip(1.0, shape - 2.0)
-        cell = np.minimum(inside.astype(np.int64), shape - 3)
+        places, inside = self._in_grid(points)
+        cell = np.minimum(inside.astype(np.int64), np.array(self._coefficients.shape) - 3)
         weights = [_spline_weights(inside[:, k] - cell[:, k]) for k in range(3)]
         near = cell[:, :, None] + np.arange(-1, 3)
         table = self._coefficients[

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.mechanics.contact.obstacle_term import Friction, ObstacleTerm
+from spacemap_vtk.mechanics.contact.obstacle_term import Contact, Friction, ObstacleTerm
 from spacemap_vtk.mechanics.contact.settle import settle
-from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad
+from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, EnergyTerm
 from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refine
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -23,7 +24,8 @@ class Resting(NamedTuple):
     displacement: Floats
     """(V, 3), displacement of the vertices [m]."""
     anchors: Floats
-    """(S, 3), anchors of friction at the samples of all obstacles [m]; NaN where none."""
+    """(S, 3), anchors of friction at the samples of all obstacles [m], NaN where none; (0, 3)
+    without friction."""
 
 
 def obstacles_of(model: Model) -> list[ObstacleTerm]:
@@ -91,26 +93,64 @@ def find_resting_state(
         progress=progress,
     )
     moved = result.positions - start
+    moved = moved if surface is None else surface.to_vertices(moved)
+    if all(term.friction is None for term in result.contacts):
+        return Resting(moved, np.empty((0, 3)))
     anchors = [
         np.full((term.samples.areas.size, 3), np.nan)
         if term.friction is None
         else term.friction.anchors.reshape(-1, 3)
         for term in result.contacts
     ]
-    return Resting(
-        moved if surface is None else surface.to_vertices(moved),
-        np.concatenate(anchors),
-    )
+    return Resting(moved, np.concatenate(anchors))
 
 
-def rested_terms(model: Model, resting: Resting) -> list[ObstacleTerm]:
-    """Return the obstacles' terms with friction as it is in the resting state."""
-    terms, positions = obstacles_of(model), model.points + resting.displacement
-    ends = np.cumsum([term.samples.areas.size for term in terms])[:-1]
-    found = []
-    for term, anchors in zip(terms, np.split(resting.anchors, ends), strict=True):
-        found.append(term.at_rest(positions, anchors))
+def rested_terms(
+    terms: Sequence[EnergyTerm], positions: Floats, anchors: Floats
+) -> list[EnergyTerm]:
+    """Give the terms of obstacles the friction of a state at rest.
+
+    Parameters
+    ----------
+    terms : sequence of EnergyTerm
+        Terms of the vertices; those of obstacles are replaced.
+    positions : ndarray of float64, shape (V, 3)
+        Vertices at rest [m].
+    anchors : ndarray of float64, shape (S, 3)
+        Anchors of friction, from `Resting`.
+
+    Returns
+    -------
+    list of EnergyTerm
+        All terms, in their order.
+    """
+    found: list[EnergyTerm] = []
+    first = 0
+    for term in terms:
+        if isinstance(term, ObstacleTerm):
+            last = first + term.samples.areas.size
+            found.append(term.at_rest(positions, anchors[first:last]))
+            first = last
+        else:
+            found.append(term)
     return found
+
+
+def report_contact(model: Model) -> list[Contact]:
+    """Report on the contact of a model at rest with each of its obstacles.
+
+    Parameters
+    ----------
+    model : Model
+        The body with its displacement, see `rested_terms`.
+
+    Returns
+    -------
+    list of Contact
+        One for each obstacle.
+    """
+    moved = 0.0 if model.displacement is None else model.displacement
+    return [term.evaluate(model.points + moved).report() for term in obstacles_of(model)]
 
 
 def _refine_friction(
@@ -120,8 +160,11 @@ def _refine_friction(
     from scipy.spatial import cKDTree
 
     result: list[Friction | None] = []
-    for before, term in zip(rested_terms(coarse, resting), obstacles_of(fine), strict=True):
-        if before.friction is None:
+    rested = rested_terms(
+        obstacles_of(coarse), coarse.points + resting.displacement, resting.anchors
+    )
+    for before, term in zip(rested, obstacles_of(fine), strict=True):
+        if not isinstance(before, ObstacleTerm) or before.friction is None:
             result.append(None)
             continue
         state = before.evaluate(coarse.points + resting.displacement)
