@@ -320,7 +320,8 @@ def renew_friction(term: ObstacleTerm, positions: Floats, slide: bool = True) ->
     anchors = (
         np.full(where.shape, np.nan) if term.friction is None else term.friction.anchors.copy()
     )
-    normals = found.gradient.reshape(where.shape)
+    normals = found.gradient / np.linalg.norm(found.gradient, axis=1, keepdims=True)
+    normals = normals.reshape(where.shape)
     touches: Bools = depth > 0
     if slide:
         moved = np.nan_to_num(where - anchors)

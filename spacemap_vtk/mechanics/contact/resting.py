@@ -174,7 +174,8 @@ def _refine_friction(
         nearest = tree.query(term.samples.positions(fine.points).reshape(-1, 3))[1]
         where = term.samples.positions(fine.points + guess)
         moved = (traction.reshape(-1, 3)[nearest] / term.stiffness).reshape(where.shape)
-        normals = term.obstacle.distance(where.reshape(-1, 3)).gradient.reshape(where.shape)
+        normals = term.obstacle.distance(where.reshape(-1, 3)).gradient
+        normals = (normals / np.linalg.norm(normals, axis=1)[:, None]).reshape(where.shape)
         shares = (limits / before.samples.areas).ravel()[nearest].reshape(where.shape[:2])
         anchors = np.where(shares[..., None] > 0, where - moved, np.nan)
         result.append(Friction(anchors, normals, shares * term.samples.areas))
