@@ -237,6 +237,20 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
     return found
 
 
+def contact_figures(contact: list[dict[str, Any]]) -> list[Figure]:
+    """Return the figures of a cage's contact with each obstacle, from those of `report.modes`."""
+    found = []
+    for each in contact:
+        number, force = each["obstacle"], each["force"]
+        text = (
+            f"{format_quantity(force, 'N', 4)}, {each['points']} points, "
+            f"{each['sliding']} of them at the limit of friction, "
+            f"up to {format_quantity(each['penetration'], 'm', 2)} deep"
+        )
+        found.append(Figure(f"contact_{number}", f"force on obstacle {number}", text, force, "N"))
+    return found
+
+
 def _clearance(figures: dict[str, Any], key: str, label: str) -> Figure:
     found, ends = figures[key], figures["ends"]
     if not found:

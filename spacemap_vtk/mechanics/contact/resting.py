@@ -34,12 +34,16 @@ def obstacles_of(model: Model) -> list[ObstacleTerm]:
 
 
 def find_resting_state(
-    model: Model, forces: Floats, progress: Progress | None = None, nested: bool = True
+    model: Model,
+    forces: Floats,
+    progress: Progress | None = None,
+    start: Resting | None = None,
 ) -> Resting:
     """Find the equilibrium of an undeformed body under dead loads, on its obstacles.
 
     A sheet is solved in cells twice as wide first, as long as there are enough of them. With
-    friction the result depends on the path: the cloth sticks where it first touches.
+    friction the result depends on the path: a sample is anchored where it touches in the first
+    state that is found, so that friction follows only from what moves later.
 
     Parameters
     ----------
@@ -49,8 +53,8 @@ def find_resting_state(
         Forces on the vertices [N] of constant direction.
     progress : callable, optional
         Called with the share that is done, 0 to 1; may raise to stop.
-    nested : bool, optional
-        Whether coarser cells are solved first.
+    start : Resting, optional
+        State from which the loads change, with its friction; by default the undeformed one.
 
     Returns
     -------
@@ -65,16 +69,24 @@ def find_resting_state(
         If no stable state was found.
     """
     guess, frictions = None, [term.friction for term in obstacles_of(model)]
-    coarse = coarsen(model) if nested else None
-    if coarse is not None and coarse.pencil.size >= _FEWEST:
+    coarse = coarsen(model) if start is None else None
+    if start is not None:
+        guess = start.displacement
+        rested = rested_terms(obstacles_of(model), model.points + guess, start.anchors)
+        frictions = [
+            term.friction and term.friction._replace(is_settled=False)
+            for term in rested
+            if isinstance(term, ObstacleTerm)
+        ]
+    elif coarse is not None and coarse.pencil.size >= _FEWEST:
         found = find_resting_state(coarse, coarsen_loads(coarse, model, forces), progress)
         guess = refine(coarse, model, found.displacement)
         frictions = _refine_friction(coarse, model, found, guess)
     pencil, surface = model.pencil, model.pencil.surface
     load = forces.reshape(-1, 3) / model.modulus
     load = load if surface is None else 2 * surface.to_nodes(load)
-    start = pencil.nodes.positions
-    moved = np.zeros_like(start)
+    undeformed = pencil.nodes.positions
+    moved = np.zeros_like(undeformed)
     if guess is not None:
         moved = guess if surface is None else surface.to_nodes(guess)
     contacts = [
@@ -85,14 +97,14 @@ def find_resting_state(
         [term for term in pencil.terms if not isinstance(term, ObstacleTerm)],
         contacts,
         pencil.basis.tocsr(),
-        start,
-        [DeadLoad(load, start)],
+        undeformed,
+        [DeadLoad(load, undeformed)],
         pencil.mass.diagonal(),
         pencil.nodes.translate,
-        guess=None if guess is None else start + moved,
+        guess=None if guess is None else undeformed + moved,
         progress=progress,
     )
-    moved = result.positions - start
+    moved = result.positions - undeformed
     moved = moved if surface is None else surface.to_vertices(moved)
     if all(term.friction is None for term in result.contacts):
         return Resting(moved, np.empty((0, 3)))

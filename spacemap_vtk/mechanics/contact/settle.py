@@ -61,12 +61,10 @@ def settle(
     progress: Progress | None = None,
     steps: int = 2400,
 ) -> Settled:
-    """Find a stable equilibrium of a body on obstacles under loads.
-
-    `mass` (N,) is that of each free coordinate, `translate` (V,) tells which nodes are positions.
-    From a guess of the positions, (V, 3), the springs have their full stiffness at once. For the
-    other arguments see `find_equilibrium`.
-    """
+    """Find a stable equilibrium of a body on obstacles under loads."""
+    # `mass` (N,) is that of each free coordinate, `translate` (V,) tells which nodes are positions.
+    # From a guess of the positions, (V, 3), the springs have their full stiffness at once. For the
+    # other arguments see `find_equilibrium`.
     given = list(contacts)
     with blas_threads.use_one_thread():
         system = ReducedSystem([*loads, *terms, *given], basis, start, progress or (lambda _: None))
@@ -99,6 +97,13 @@ def settle(
                 z, current, balanced = _balance_friction(system, z, current, load)
                 if balanced:
                     break
+            else:
+                raise SolverError(
+                    "no balance with friction was found: samples keep changing between sticking "
+                    "and sliding",
+                    key="obstacles",
+                    cure="Lower friction, or use other cells",
+                )
             current = [renew_friction(term, z) for term in current]
     if progress is not None:
         progress(1.0)

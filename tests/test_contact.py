@@ -1,0 +1,220 @@
+"""Cloth on obstacles, against closed forms and elasticas (units of length l = (D/q)^(1/3))."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, contact_stiffness
+from spacemap_vtk.mechanics.contact.obstacles import (
+    Cylinder,
+    Obstacle,
+    Plane,
+    RoundedBox,
+    Sphere,
+)
+from spacemap_vtk.mechanics.contact.resting import (
+    Resting,
+    find_resting_state,
+    report_contact,
+    rested_terms,
+)
+from spacemap_vtk.mechanics.contact.samples import sample_faces, sample_sheet
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, assemble_tangent
+from spacemap_vtk.mechanics.modal.model import Model
+
+FloatArray = NDArray[np.float64]
+#: Bending [N m], stretch [N/m], gravity [m/s²], weight per area [N/m²], and the unit of length [m].
+BENDING, STRETCH, GRAVITY = 1e-5, 1500.0, 9.80665
+WEIGHT = 0.15 * GRAVITY
+LENGTH = (BENDING / WEIGHT) ** (1 / 3)
+WIDTH, THICKNESS = 0.01, 1e-5
+PLATE = Plate(STRETCH * np.diag([1, 1, 0.5]), BENDING * np.diag([1, 1, 0.5]))
+
+
+def sheet(
+    box: tuple[float, ...],
+    cells: tuple[int, int],
+    bodies: list[Obstacle],
+    mu: float = 0.0,
+    thick: float = THICKNESS,
+) -> Any:
+    """Return vertices, tetrahedra and terms of a sheet."""
+    points, tetrahedra = build_lattice((*box, -thick / 2, thick / 2), (*cells, 1))
+    surface = find_mid_surface(points, tetrahedra)
+    assert surface is not None
+    samples = sample_sheet(points, surface)
+    stiffness = contact_stiffness(PLATE, (box[1] - box[0]) / cells[0])
+    terms = [
+        ObstacleTerm(body, samples, stiffness, thick / 2, mu, surface=surface) for body in bodies
+    ]
+    return points, tetrahedra, terms
+
+
+def strip(
+    start: float, length: float, cells: int, bodies: list[Obstacle], held: Any, mu: float = 0.0
+) -> Model:
+    """Return a strip along x that stays in the x-z plane; `held` gives held components by x."""
+    points, tetrahedra, terms = sheet((start, start + length, 0, WIDTH), (cells, 1), bodies, mu)
+    fixed = np.zeros(points.shape, dtype=bool)
+    fixed[:, 1] = True
+    fixed |= held(points[:, :1])
+    density = 0.15 / THICKNESS
+    return Model(points, tetrahedra, PLATE, density, fixed, terms=terms)
+
+
+def rest(
+    model: Model,
+    gravity: Any = (0, 0, -GRAVITY),
+    more: Any = 0.0,
+    start: Resting | None = None,
+) -> tuple[Model, Resting]:
+    """Return the model in its resting state."""
+    weight = np.outer(model.nodal_mass, gravity) + more
+    found = find_resting_state(model, weight.ravel(), start=start)
+    terms = rested_terms(model.terms, model.points + found.displacement, found.anchors)
+    held = ~model.free.reshape(-1, 3)
+    data = model.points, model.cells, PLATE, model.density, held, False, found.displacement
+    return Model(*data, terms=terms), found
+
+
+def middle(model: Model) -> FloatArray:
+    """Return the middle line of a strip, (n, 3), along x."""
+    surface = model.pencil.surface
+    assert surface is not None
+    assert model.displacement is not None
+    flat, moved = (
+        surface.to_nodes(places)[: len(surface.pairs)]
+        for places in (model.points, model.points + model.displacement)
+    )
+    line = flat[:, 1] < 1e-9
+    return moved[line][np.argsort(flat[line, 0])]
+
+
+@pytest.mark.parametrize("kind", ["sheet", "solid", "quadratic"])
+def test_forces_and_tangent_are_derivatives_of_the_energy(kind: str) -> None:
+    """With friction that sticks and slides; on the sheet's vertices, and on faces of solids."""
+    from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+
+    points, cells = build_lattice((0, 1, 0, 1, 0, 0.1), (3, 3, 1))
+    body = Sphere(1.0, (0.4, 0.5, -0.97))
+    if kind == "quadratic":
+        points, cells = add_midpoints(points, cells)
+    surface = find_mid_surface(points, cells) if kind == "sheet" else None
+    samples = sample_faces(points, cells) if surface is None else sample_sheet(points, surface)
+    term = ObstacleTerm(body, samples, 3.0, 0.05, 0.4, surface=surface)
+    random = np.random.default_rng(0)
+    anchors = samples.positions(points if surface is None else surface.to_nodes(points))
+    term = term.at_rest(points, anchors + 0.03 * random.normal(size=anchors.shape))
+    assert term.friction is not None
+    term = term.replace(friction=term.friction._replace(is_settled=False))
+    place, way = points + 0.003 * random.normal(size=points.shape), random.normal(size=points.shape)
+    step = 1e-7
+    slope = (term.energy(place + step * way) - term.energy(place - step * way)) / (2 * step)
+    assert slope == pytest.approx(float(np.vdot(term.forces(place), way)), rel=1e-5)
+    change = (term.forces(place + step * way) - term.forces(place - step * way)) / (2 * step)
+    expected = (assemble_tangent([term], place) @ way.ravel()).reshape(change.shape)
+    np.testing.assert_allclose(change, expected, atol=1e-4 * abs(expected).max())
+
+
+@pytest.mark.parametrize(
+    ("overhang", "lift_off", "reaction", "tip", "uplift"),
+    [
+        (0.5, 0.706931, 1.030333, 0.015166, 0.001097),
+        (1.0, 1.393360, 2.060750, 0.231752, 0.016476),
+        (1.5, 1.903675, 3.078035, 0.871192, 0.055625),
+    ],
+)
+def test_strip_lifts_off_behind_the_edge_of_a_table(
+    overhang: float, lift_off: float, reaction: float, tip: float, uplift: float
+) -> None:
+    length, cells = 6 * LENGTH, 160
+    edge, start = length / cells, -(length - overhang * LENGTH)
+    table = RoundedBox((2 * length, 1, 0.1), edge, (-length + edge, 0, -0.05 - THICKNESS / 2))
+    model, _ = rest(strip(start, length, cells, [table], lambda x: x < start + 1e-9))
+    line = middle(model) / LENGTH
+    assert -line[-1, 2] == pytest.approx(tip, rel=0.03)
+    assert line[:, 2].max() == pytest.approx(uplift, rel=0.04)
+    (term,) = model.terms
+    assert isinstance(term, ObstacleTerm)
+    state = term.evaluate(model.points + model.displacement)  # type: ignore[operator]
+    where = term.samples.positions(model.points)[state.elements][..., 0] / LENGTH
+    near = where > -0.3
+    force = np.linalg.norm(state.sample_forces[near].sum(axis=0)) / (WIDTH * WEIGHT * LENGTH)
+    assert force == pytest.approx(reaction, rel=0.03)
+    behind = where[~near & (state.depth > 0)]
+    assert -behind.max() == pytest.approx(lift_off, rel=0.015)
+
+
+@pytest.mark.parametrize(
+    ("height", "free", "force"), [(0.1, 1.247009, 0.62512), (0.5, 1.902088, 0.97943)]
+)
+def test_strip_lifted_by_an_end_and_its_lowest_mode(
+    height: float, free: float, force: float
+) -> None:
+    """The lifted part vibrates as a beam that is clamped where it touches the ground."""
+    length, cells = 2.5 * LENGTH, 160
+    ground = Plane((0, 0, -height * LENGTH - THICKNESS / 2))
+    # The end is hinged at its height, the other end is above the ground and falls.
+    model = strip(-length, length, cells, [ground], lambda x: abs(x) < 1e-9)
+    points = model.points
+    fixed = ~model.free.reshape(-1, 3)
+    fixed[abs(points[:, 0]) < 1e-9] = [True, True, True]
+    lower = points[:, 2] < 0
+    fixed[(abs(points[:, 0]) < 1e-9) & lower, :] = [False, True, False]
+    model = Model(points, model.cells, PLATE, model.density, fixed, terms=model.terms)
+    rested, _ = rest(model)
+    (contact,) = report_contact(rested)
+    carried = WIDTH * WEIGHT * length + contact.force[2]
+    assert carried / (WIDTH * WEIGHT * LENGTH) == pytest.approx(force, rel=0.02)
+    found = rested.modes(1)
+    rate = math.sqrt(found.eigenvalues[0] * rested.modulus / rested.density)
+    beam = (3.9266 / (free * LENGTH)) ** 2 * math.sqrt(BENDING / 0.15)
+    # The closed form is that of a straight beam, and holds for the lower height.
+    assert height > 0.1 or rate == pytest.approx(beam, rel=0.03)
+
+
+def test_tablecloth_rests_with_its_weight_on_the_table() -> None:
+    """It falls on it first; found by way of cells twice as wide."""
+    disc = Cylinder(0.09, 0.02, 0.005, (0, 0, -0.05))
+    points, cells, terms = sheet((-0.15, 0.15, -0.15, 0.15), (18, 18), [disc], 0.3, 3e-4)
+    free = np.zeros(points.shape, dtype=bool)
+    model, found = rest(Model(points, cells, PLATE, 0.15 / 3e-4, free, terms=terms))
+    (contact,) = report_contact(model)
+    weight = WEIGHT * 0.09
+    np.testing.assert_allclose(contact.force, [0, 0, -weight], atol=1e-6 * weight)
+    assert 0 < contact.sliding < contact.points
+    corners = (model.points + found.displacement)[
+        (abs(model.points[:, :2]) > 0.15 - 1e-9).all(axis=1)
+    ]
+    assert corners[:, 2].max() < -0.04 - 0.04
+    assert model.modes(1).eigenvalues[0] > 0
+
+
+def test_cloth_beside_its_obstacle_is_refused() -> None:
+    points, cells, terms = sheet((-0.1, 0.1, -0.1, 0.1), (4, 4), [Sphere(0.05, (1, 0, -0.2))])
+    model = Model(points, cells, PLATE, 1.0, np.zeros(points.shape, dtype=bool), terms=terms)
+    with pytest.raises(InputError, match="falls past its obstacles"):
+        rest(model)
+
+
+def test_terms_of_different_contact_have_different_digests() -> None:
+    points, _, (term,) = sheet((0, 1, 0, 1), (4, 4), [Plane()], 0.3)
+    others: list[EnergyTerm] = [
+        term,
+        term.replace(obstacle=Plane((0, 0, 1e-3))),
+        term.replace(obstacle=Sphere(1.0)),
+        term.replace(stiffness=1.0),
+        term.replace(offset=1e-3),
+        term.replace(coefficient=0.0),
+        term.at_rest(points, np.zeros((term.samples.areas.size, 3))),
+    ]
+    assert len({each.digest for each in others}) == len(others)
