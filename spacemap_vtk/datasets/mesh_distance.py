@@ -24,27 +24,7 @@ _NODES, _MARGIN = 48, 3
 
 
 def sample_distance(mesh: Any) -> tuple[Floats, Floats, float]:
-    """Sample the signed distance from a closed surface, negative inside.
-
-    Parameters
-    ----------
-    mesh : vtkPointSet
-        A surface, or cells whose boundary is one.
-
-    Returns
-    -------
-    values : ndarray of float64, shape (nx, ny, nz)
-        Distances at the nodes of a grid [m].
-    origin : ndarray of float64, shape (3,)
-        First node [m].
-    spacing : float
-        Distance between nodes [m].
-
-    Raises
-    ------
-    GeometryError
-        If the surface is empty, or not closed.
-    """
+    """Sample the signed distance from a closed surface: values, first node [m] and spacing [m]."""
     outer, clean, triangles = vtkGeometryFilter(), vtkCleanPolyData(), vtkTriangleFilter()
     outer.SetInputData(mesh)
     clean.SetInputConnection(outer.GetOutputPort())

@@ -176,7 +176,7 @@ class Obstacle(Record):
 
     @property
     def body(self) -> dict[str, Any]:
-        """Shape and place as keyword arguments of `make_body`, numbers and texts only."""
+        """Shape and place as keyword arguments of `_make_body`, numbers and texts only."""
         values: dict[str, Any] = {"shape": self.shape, "center": list(self.center)}
         values["axis"] = list(self.normal if self.shape == "plane" else self.axis)
         if self.shape in ("cylinder", "disc", "box"):
@@ -210,7 +210,7 @@ class Obstacles(Records):
         return f"a list of tables, each with a shape ({', '.join(SHAPES)}), and any of {others}"
 
 
-def make_body(
+def _make_body(
     shape: str,
     center: Any,
     axis: Any,
@@ -251,7 +251,7 @@ def _read_distance(file: str, state: tuple[int, ...]) -> tuple[Floats, Floats, f
 
 
 @energy_term("obstacle")
-def make_obstacle_term(
+def _make_obstacle_term(
     points: Floats,
     cells: Ints,
     *,
@@ -264,4 +264,4 @@ def make_obstacle_term(
     """Make the term of an obstacle on a cage: a sheet, or a solid."""
     surface = find_mid_surface(points, cells) if sheet else None
     samples = sample_faces(points, cells) if surface is None else sample_sheet(points, surface)
-    return ObstacleTerm(make_body(**body), samples, stiffness, offset, friction, surface=surface)
+    return ObstacleTerm(_make_body(**body), samples, stiffness, offset, friction, surface=surface)

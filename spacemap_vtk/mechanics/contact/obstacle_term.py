@@ -115,7 +115,18 @@ class ObstacleTerm(EnergyTerm):
         self._given = samples
 
     def replace(self, **changes: Any) -> ObstacleTerm:
-        """Make a copy with other values of the constructor's arguments."""
+        """Make a copy with other values of the constructor's arguments.
+
+        Parameters
+        ----------
+        **changes : object
+            New values by name.
+
+        Returns
+        -------
+        ObstacleTerm
+            The copy.
+        """
         given = {
             "obstacle": self.obstacle,
             "samples": self._given,
@@ -128,14 +139,40 @@ class ObstacleTerm(EnergyTerm):
         return ObstacleTerm(**{**given, **changes})
 
     def in_nodes(self, surface: MidSurface | None, factor: float) -> ObstacleTerm:
-        """Return the term of a sheet's mid-points, or of a solid's vertices, times a factor."""
+        """Return the term of a sheet's mid-points, or of a solid's vertices, times a factor.
+
+        Parameters
+        ----------
+        surface : MidSurface or None
+            Mid-surface of a sheet.
+        factor : float
+            Factor of the energy.
+
+        Returns
+        -------
+        ObstacleTerm
+            Its nodes are those of the model.
+        """
         friction = self.friction
         if friction is not None:
             friction = friction._replace(limits=factor * friction.limits)
         return self.replace(surface=None, stiffness=factor * self.stiffness, friction=friction)
 
     def at_rest(self, positions: Floats, anchors: Floats) -> ObstacleTerm:
-        """Return the term of a state at rest with these anchors of friction, (S, 3)."""
+        """Return the term of a state at rest with its anchors of friction.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+        anchors : ndarray of float64, shape (S, 3)
+            Anchors of all samples [m], NaN where none.
+
+        Returns
+        -------
+        ObstacleTerm
+            Its limits of friction are those of these positions.
+        """
         # Sticking samples resist with their springs; sliding ones with a constant force.
         if self.coefficient == 0.0:
             return self
@@ -180,7 +217,18 @@ class ObstacleTerm(EnergyTerm):
         return float((room / np.maximum(moved, 1e-300)).min())
 
     def gaps(self, positions: Floats) -> Floats:
-        """Compute the distance of each sample from the obstacle, (E, m) [m]."""
+        """Compute the distance of each sample from the obstacle, less the offset.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (E, m)
+            Distances [m]; negative where a sample touches.
+        """
         where = self.samples.positions(positions)
         return self.obstacle.gap(where.reshape(-1, 3)).reshape(where.shape[:2]) - self.offset
 

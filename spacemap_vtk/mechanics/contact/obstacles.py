@@ -72,7 +72,18 @@ class Obstacle(ABC):
         return Distance(gap, gradient @ self.frame, self.frame.T @ curvature @ self.frame)
 
     def gap(self, points: Floats) -> Floats:
-        """Compute the signed distance of points alone, (n,) [m]."""
+        """Compute the signed distance of points alone.
+
+        Parameters
+        ----------
+        points : ndarray of float64, shape (n, 3)
+            Points [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            Distances [m].
+        """
         return self._local_gap((points - self.center) @ self.frame.T)
 
     @property
@@ -109,8 +120,10 @@ class RoundedBox(Obstacle):
         Lengths of the sides [m].
     rounding : float
         Radius of the edges [m], at most half of the shortest side.
-    center, axis : array_like of float, shape (3,)
-        See `Obstacle`.
+    center : array_like of float, shape (3,)
+        Centre of the body [m].
+    axis : array_like of float, shape (3,)
+        Direction of the body's z axis, of any length but zero.
 
     Examples
     --------
@@ -119,8 +132,14 @@ class RoundedBox(Obstacle):
     [2.0, -0.25]
     """
 
-    def __init__(self, size: ArrayLike, rounding: float = 0.0, *args: ArrayLike) -> None:
-        super().__init__(*args)
+    def __init__(
+        self,
+        size: ArrayLike,
+        rounding: float = 0.0,
+        center: ArrayLike = (0, 0, 0),
+        axis: ArrayLike = (0, 0, 1),
+    ) -> None:
+        super().__init__(center, axis)
         half = np.asarray(size, dtype=np.float64) / 2
         self._core, self._rounding = half - rounding, rounding
         self.depth = float(half.min())
@@ -150,14 +169,21 @@ class Cylinder(Obstacle):
         Length along the axis [m]; infinite by default.
     rounding : float
         Radius of the rims [m], at most the radius and half of the height.
-    center, axis : array_like of float, shape (3,)
-        See `Obstacle`.
+    center : array_like of float, shape (3,)
+        Centre of the body [m].
+    axis : array_like of float, shape (3,)
+        Direction of the body's z axis, of any length but zero.
     """
 
     def __init__(
-        self, radius: float, height: float = math.inf, rounding: float = 0.0, *args: ArrayLike
+        self,
+        radius: float,
+        height: float = math.inf,
+        rounding: float = 0.0,
+        center: ArrayLike = (0, 0, 0),
+        axis: ArrayLike = (0, 0, 1),
     ) -> None:
-        super().__init__(*args)
+        super().__init__(center, axis)
         self._core = np.array([radius, height / 2]) - rounding
         self._rounding = rounding
         self.depth = min(radius, height / 2)
@@ -196,14 +222,23 @@ class SampledBody(Obstacle):
         First node [m].
     spacing : float
         Distance between nodes [m]; edges sharper than it are rounded.
-    center, axis : array_like of float, shape (3,)
-        See `Obstacle`.
+    center : array_like of float, shape (3,)
+        Centre of the body [m].
+    axis : array_like of float, shape (3,)
+        Direction of the body's z axis, of any length but zero.
     """
 
-    def __init__(self, values: Floats, origin: ArrayLike, spacing: float, *args: ArrayLike) -> None:
+    def __init__(
+        self,
+        values: Floats,
+        origin: ArrayLike,
+        spacing: float,
+        center: ArrayLike = (0, 0, 0),
+        axis: ArrayLike = (0, 0, 1),
+    ) -> None:
         from scipy.ndimage import spline_filter
 
-        super().__init__(*args)
+        super().__init__(center, axis)
         self._coefficients = spline_filter(values, 3, mode="mirror")
         self._origin, self._spacing = np.asarray(origin, dtype=np.float64), spacing
         self.depth = max(float(-values.min()), spacing)

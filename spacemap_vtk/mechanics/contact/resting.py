@@ -29,7 +29,18 @@ class Resting(NamedTuple):
 
 
 def obstacles_of(model: Model) -> list[ObstacleTerm]:
-    """Return the terms of a model's obstacles."""
+    """Return the terms of a model's obstacles.
+
+    Parameters
+    ----------
+    model : Model
+        A body.
+
+    Returns
+    -------
+    list of ObstacleTerm
+        In the order of the obstacles.
+    """
     return [term for term in model.terms if isinstance(term, ObstacleTerm)]
 
 

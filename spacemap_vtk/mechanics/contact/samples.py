@@ -32,7 +32,22 @@ class Samples(NamedTuple):
 
 
 def sample_sheet(points: Floats, surface: MidSurface, per_side: int = PER_SIDE) -> Samples:
-    """Sample the mid-surface of a sheet evenly; nodes are its pairs."""
+    """Sample the mid-surface of a sheet evenly; nodes are its pairs.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    surface : MidSurface
+        Mid-surface of the sheet.
+    per_side : int, optional
+        Samples along each side.
+
+    Returns
+    -------
+    Samples
+        Nodes, weights and areas.
+    """
     line = (2 * np.arange(per_side) + 1) / per_side - 1
     places = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     corners = surface.to_nodes(points)[surface.quads]
@@ -43,7 +58,22 @@ def sample_sheet(points: Floats, surface: MidSurface, per_side: int = PER_SIDE) 
 
 
 def sample_faces(points: Floats, cells: Ints, per_edge: int = PER_EDGE) -> Samples:
-    """Sample the boundary of linear or quadratic tetrahedra; nodes are the vertices."""
+    """Sample the boundary of linear or quadratic tetrahedra; nodes are the vertices.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices [m].
+    cells : ndarray of int64, shape (T, 4) or (T, 10)
+        Tetrahedra.
+    per_edge : int, optional
+        Samples along each side.
+
+    Returns
+    -------
+    Samples
+        Nodes, weights and areas.
+    """
     faces = cells[:, FACES].reshape(-1, 6) if cells.shape[1] == 10 else cells[:, FACES[:, :3]]
     faces = faces.reshape(-1, faces.shape[-1])
     _, first, count = np.unique(

@@ -261,7 +261,18 @@ _MAKERS: dict[str, TermFactory] = {}
 
 
 def energy_term(kind: str) -> Callable[[TermFactory], TermFactory]:
-    """Register a function that makes a term, under the kind by which recipes name it."""
+    """Register a function that makes a term, under the kind by which recipes name it.
+
+    Parameters
+    ----------
+    kind : str
+        The kind.
+
+    Returns
+    -------
+    callable
+        Decorator of the function, which it returns unchanged.
+    """
     # The function is called with the undeformed vertices (V, 3) of the cage and its tetrahedra
     # (T, 4) or (T, 10); the other entries of the recipe are its keyword arguments.
 
