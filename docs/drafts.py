@@ -19,7 +19,7 @@ from spacemap_vtk.scenes import library
 from spacemap_vtk.textile.drafts.draft import Draft, DraftThreads
 from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 
-#: Draft files by sheet, with what is written below them.
+#: Draft files by sheet, with what is written below them; those of the last sheet are our own.
 SHEETS = {
     "drafts_1": {
         "drafts/plain_weave.wif": "plain weave",
@@ -39,11 +39,18 @@ SHEETS = {
         "drafts/houndstooth.wif": "houndstooth",
         "drafts/apron.wif": "apron, colour and weave",
         "drafts/dobby_crepe.wif": "crepe from a liftplan",
-        "drafts/huck_lace.wif": "huck lace",
-        "drafts/overshot.wif": "overshot",
-        "drafts/summer_and_winter.wif": "summer and winter",
-        "drafts/monks_belt.wif": "monk's belt",
-        "double_weave.wif": "double weave",
+        "drafts/tartan_gordon.wif": "Gordon tartan",
+        "drafts/tartan_macgregor.wif": "MacGregor tartan",
+        "drafts/tartan_menzies_dress.wif": "Menzies Dress tartan",
+        "drafts/tartan_macleod_of_lewis.wif": "MacLeod of Lewis tartan",
+        "drafts/tartan_anderson.wif": "Anderson tartan",
+    },
+    "drafts_3": {
+        "drafts/huck_lace.wif": "huck lace, our own",
+        "drafts/overshot.wif": "overshot, our own",
+        "drafts/summer_and_winter.wif": "summer and winter, our own",
+        "drafts/monks_belt.wif": "monk's belt, our own",
+        "double_weave.wif": "double weave, our own",
     },
 }
 HERE = Path(__file__).parent
@@ -108,10 +115,12 @@ def draw_row(file: str, text: str) -> Image.Image:
 def main(names: list[str]) -> None:
     """Draw the sheets; if there are names, only the rows of these drafts."""
     for sheet, drafts in SHEETS.items():
+        if names and not any(Path(file).stem in names for file in drafts):
+            continue
         target = HERE / f"{sheet}.jpg"
         width, height = 2 * 4 * (CELL + GAP), CELL + TEXT
         page = Image.new("RGB", (width, height * ((len(drafts) + 1) // 2)), "white")
-        if names:
+        if names and target.exists():
             with Image.open(target) as earlier:
                 page.paste(earlier)
         for number, (file, text) in enumerate(drafts.items()):

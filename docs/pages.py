@@ -152,8 +152,10 @@ def gallery(folder: Path) -> Iterator[str]:
     yield "## Drafts\n"
     yield "Each row: the drawdown, on which a frame shows the near picture; 12, 64 and 320 yarns"
     yield "of the cloth. The files are in `scenes/drafts`; `ORIGIN.md` there names authors and"
-    yield "licences. The pictures are drawn by `python docs/drafts.py`.\n"
-    for number, what in enumerate(("weaves of two colours", "colours, lace, pattern wefts"), 1):
+    yield "licences: twenty are from public collections, the last five are our own. The pictures"
+    yield "are drawn by `python docs/drafts.py`.\n"
+    sheets = "weaves of two colours", "colours and tartans", "lace, pattern wefts, double weave"
+    for number, what in enumerate(sheets, 1):
         yield f"![Drafts beside their cloth: {what}](../drafts_{number}.jpg)\n"
     yield "## Pipelines\n\nScripts to start from; a test runs each.\n"
     for script in sorted((ROOT / "pipelines").glob("*.py")):

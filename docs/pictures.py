@@ -1,4 +1,9 @@
-"""Draw the picture at the top of the README, which takes some minutes: python docs/pictures.py"""
+"""Draw the pictures of the README and of the guides: python docs/pictures.py
+
+All of them take some twenty minutes on two cores. Names draw only these pictures: python
+docs/pictures.py figure styles. The picture "close" needs the extra [raytrace], "paraview" needs
+ParaView and xvfb-run.
+"""
 
 from __future__ import annotations
 
@@ -6,45 +11,127 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from PIL import Image
 
+HERE = Path(__file__).parent
+ROOT = HERE.parent
 COLORS = json.dumps(["#b3262e"] * 13 + ["#f4ecdc"] * 12)
 
-#: The tablecloth of the scene `drape`, woven of 400 by 500 yarns in place of 80 by 100.
+#: The tablecloth of the scene `drape`, closely woven of 400 by 500 yarns in place of 80 by 100.
 FINE_CLOTH = {
     "weave.ends": "400",
     "weave.picks": "500",
     "weave.warp_spacing": "1.5 mm",
     "weave.weft_spacing": "1.5 mm",
-    "weave.warp_diameter": "0.84 mm",
-    "weave.weft_diameter": "0.84 mm",
+    "weave.warp_section": "lenticular",
+    "weave.weft_section": "lenticular",
+    "weave.warp_diameter": "auto",
+    "weave.weft_diameter": "auto",
     "weave.warp_color": COLORS,
     "weave.weft_color": COLORS,
     "modal.modes": "12",  # the cloth hangs at rest: modes are not used
 }
 
 
-def render(file: Path, size: str, **settings: str) -> Image.Image:
-    """Draw the tablecloth in a process of its own, whose memory is then free again."""
-    command = [sys.executable, "-m", "spacemap_vtk", "render", "drape", "-o", str(file)]
-    command += ["--size", size]
-    for key, value in {**FINE_CLOTH, **settings}.items():
+def run(*words: str, **settings: str) -> None:
+    """Run a command of the program in a process of its own, whose memory is then free again."""
+    command = [sys.executable, "-m", "spacemap_vtk", *words]
+    for key, value in settings.items():
         command += ["--set", f"{key}={value}"]
     subprocess.run(command, check=True)
-    return Image.open(file).convert("RGB")
 
 
-def main() -> None:
+def draw_drape(file: Path) -> None:
+    """Draw the tablecloth whole, and beside it a part of it from near."""
+    parts = []
     with tempfile.TemporaryDirectory() as folder:
-        whole = render(Path(folder) / "whole.png", "1040x820")
-        near = render(Path(folder) / "near.png", "520x820", **{"view.zoom": "9"})
-    page = Image.new("RGB", (whole.width + near.width, whole.height))
-    page.paste(whole, (0, 0))
-    page.paste(near, (whole.width, 0))
-    page.save(Path(__file__).with_name("drape.jpg"), quality=90, optimize=True)
+        for size, zoom in (("1040x820", "1"), ("520x820", "9")):
+            part = Path(folder) / f"{zoom}.png"
+            settings = {**FINE_CLOTH, "view.zoom": zoom}
+            run("render", "drape", "-o", str(part), "--size", size, **settings)
+            with Image.open(part) as picture:
+                parts.append(picture.convert("RGB"))
+    page = Image.new("RGB", (sum(part.width for part in parts), parts[0].height))
+    page.paste(parts[0], (0, 0))
+    page.paste(parts[1], (parts[0].width, 0))
+    page.save(file, quality=90, optimize=True)
+
+
+def draw_sheet(file: Path, scene: str, size: str, scale: float, **settings: str) -> None:
+    """Draw the contact sheet of a sweep, scaled."""
+    with tempfile.TemporaryDirectory() as folder:
+        run("sweep", scene, "-o", folder, "--size", size, **settings)
+        with Image.open(Path(folder) / "contact_sheet.png") as sheet:
+            page = sheet.convert("RGB")
+    small = page.resize([round(scale * side) for side in page.size], Image.Resampling.LANCZOS)
+    small.save(file, quality=88, optimize=True)
+
+
+def draw_styles(file: Path) -> None:
+    """Draw a twill in each style."""
+    styles = {"view.style": "studio,paper,schematic,blueprint", "view.zoom": "3"}
+    draw_sheet(file, "twill_2_2", "520x390", 1.0, **styles)
+
+
+def draw_sweep(file: Path) -> None:
+    """Draw strips of three spacings and three yarns, as the guide compares them."""
+    values = {
+        "weave.weft_spacing": "0.4 mm,0.5 mm,0.6 mm",
+        "yarns.bending": "1 mN.mm2,2 mN.mm2,4 mN.mm2",
+    }
+    draw_sheet(file, "yarn_to_cloth", "640x400", 2.0 / 3.0, **values)
+
+
+def draw_close(file: Path) -> None:
+    """Trace each fibre of a plain weave."""
+    words = ("--raytrace", "--samples", "196", "--size", "520x390")
+    run(
+        "render",
+        "plain_weave",
+        "-o",
+        str(file),
+        *words,
+        **{"view.zoom": "5", "weave.weft_plies": "2"},
+    )
+
+
+def draw_motions(file: Path) -> None:
+    """Draw a banner that swings, by three models of its motion."""
+    models = ("--motions", "response,rotation,transient", "--times", "0,0.15,0.3,0.5,1")
+    run("storyboard", "swing", *models, "--size", "1900x1080", "-o", str(file))
+
+
+def draw_paraview(file: Path) -> None:
+    """Photograph ParaView's window."""
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 1200x900x24 -noreset"]
+    script = ROOT / "tests" / "paraview" / "photograph.py"
+    subprocess.run([*screen, sys.executable, str(script), str(file)], check=True)
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "drape.jpg": draw_drape,
+    "styles.jpg": draw_styles,
+    "close.jpg": draw_close,
+    "sweep.jpg": draw_sweep,
+    "motions.png": draw_motions,
+    "storyboard.png": lambda file: run("storyboard", "plain_weave", "-o", str(file)),
+    "figure.png": lambda file: run("figure", "twill_2_2", "-o", str(file), "--dpi", "150"),
+    "interchange.png": lambda file: subprocess.run(
+        [sys.executable, str(ROOT / "pipelines" / "keep_length.py"), str(file)], check=True
+    ),
+    "paraview.png": draw_paraview,
+}
+
+
+def main(names: list[str]) -> None:
+    """Draw all pictures, or those that are named."""
+    for name, draw in PICTURES.items():
+        if not names or Path(name).stem in names:
+            draw(HERE / name)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -8,9 +8,11 @@ public name that another folder imports.
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from numpydoc.validate import validate
@@ -49,12 +51,14 @@ COMMANDS = {"spacemap_vtk.cli", *(module for module, _ in PARTS["commands"])}
 Named = ast.FunctionDef | ast.ClassDef
 
 
-def modules() -> Iterator[tuple[str, str, ast.Module]]:
-    """Yield name, folder and syntax tree of each module, without the name of the package."""
-    # One after another, because collecting all trees at once costs more than parsing twice.
+@cache
+def modules() -> list[tuple[str, str, ast.Module]]:
+    """Return name, folder and syntax tree of each module, without the name of the package."""
+    found = []
     for file in sorted(HERE.rglob("*.py")):
         name = ".".join(file.relative_to(HERE).with_suffix("").parts)
-        yield name, name.rpartition(".")[0].split(".")[0], ast.parse(file.read_text())
+        found.append((name, name.rpartition(".")[0].split(".")[0], ast.parse(file.read_text())))
+    return found
 
 
 def imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
@@ -132,6 +136,7 @@ def _is_command(module: str) -> bool:
 
 
 if __name__ == "__main__":
+    gc.disable()  # it would go through all trees again and again
     wrong = list(faults())
     print("\n".join(wrong) or "docstrings: no faults")
     sys.exit(bool(wrong))

@@ -80,9 +80,13 @@ else:
     pytest_plugins = ["pytestqt.plugin"]
 
 
-# An example may take as long as a busy machine lets it.
-settings.register_profile("busy", deadline=None)
-settings.load_profile("busy")
+# An example may take as long as a busy machine lets it. The nightly run tries many more of them.
+settings.register_profile("gate", deadline=None, max_examples=25)
+settings.register_profile("nightly", deadline=None, max_examples=200)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    settings.load_profile("gate" if config.option.markexpr == "not nightly" else "nightly")
 
 
 @contextmanager

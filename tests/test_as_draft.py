@@ -9,7 +9,7 @@ from typing import Any
 import dtx_to_wif
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -63,7 +63,6 @@ def test_changed_parameters_are_exported() -> None:
     np.testing.assert_array_equal(found.warp.colors, np.resize(original.warp.colors, (70, 3)))
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     st.sampled_from(["plain", "twill 3/1 left", "satin 5/2", "rib 2/1", ["110", "011"]]),
     st.integers(1, 9),

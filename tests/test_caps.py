@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from test_weave import grid_of
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import mutable
@@ -111,7 +111,6 @@ def test_caps_share_the_points_of_their_ring(kind: str) -> None:
     assert np.array_equal(of_point[weave.patches], np.repeat(weave.yarn[:, None], 16, axis=1))
 
 
-@settings(max_examples=40, deadline=None)
 @given(woven(most=3))
 def test_caps_are_flat_and_face_outwards(cloth: Cloth) -> None:
     weave = build_weave(cloth)

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from spacemap_vtk.draw.actors.cloth_appearance import NODES, TILTS, TURNS, ClothAppearance
+from spacemap_vtk.draw.actors.cloth_appearance import (
+    NODES,
+    TILTS,
+    TURNS,
+    ClothAppearance,
+    appearance_of,
+)
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.visible_surface import sample_surface, view_surface
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -57,3 +65,17 @@ def test_a_cloth_of_one_crossing_has_an_appearance() -> None:
     made = ClothAppearance(Cloth(drawdown=[[1]], warp=threads, weft=threads))
     assert np.isfinite(made.tables(tilted=True).views).all()
     assert made.numbers.tolist() == [[0]]
+
+
+def test_cloths_of_other_colours_share_an_appearance() -> None:
+    threads = Threads(diameter=0.25, spacing=0.5)
+    cloth = Cloth(drawdown=PLAIN, warp=threads, weft=threads)
+    made = appearance_of(cloth)
+    red = replace(cloth, warp=replace(threads, colors=np.array([[255, 0, 0]], np.uint8)))
+    assert appearance_of(red) is made
+    for changed in (
+        replace(cloth, weft=replace(threads, diameter=0.2)),
+        replace(cloth, drawdown=~cloth.drawdown),
+    ):
+        assert appearance_of(changed) is not made
+    assert appearance_of(cloth) is made

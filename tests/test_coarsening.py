@@ -57,7 +57,7 @@ def test_drape_coefficient_reports_its_dependence_on_cells():
     found = []
     for divide in (1, 2):
         scene = Scene.read("drape")
-        scene.set(f"cage.divisions=[{14 // divide}, {18 // divide}, 1]")
+        scene.set(f"cage.divisions=[{10 // divide}, {12 // divide}, 1]")
         scene.set("modal.modes=2")
         hung = report.report_modes(scene)["hung"]
         found.append(hung["drape_coefficient"])

@@ -68,7 +68,11 @@ def test_a_command_imports_only_what_it_needs(
 def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a cache folder with the modes that the commands below need."""
     folder = tmp_path_factory.mktemp("solved")
-    assert "scipy" in _imported(folder, "export plain_weave -q -o a.vtu")
+    (folder / "small.toml").write_text(
+        "weave = { ends = 3, picks = 3 }\ncage = { divisions = [2, 2, 1] }\n"
+        "modal = { modes = 100 }\nresponse = { gravity = [0.0, 0.0, -9.8] }\n"
+    )
+    assert "scipy" in _imported(folder, "export small.toml -q -o a.vtu")
     return folder
 
 
@@ -77,21 +81,21 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (
             [
-                "render plain_weave -q -o a.png --set view.size=[64,48]",
-                "animate plain_weave -q -o a.gif --size 64x48 --set animation.stop=0.01",
-                "modes plain_weave -q --plot a.png",
+                "render small.toml -q -o a.png --set view.size=[64,48]",
+                "animate small.toml -q -o a.gif --size 64x48 --set animation.stop=0.01",
+                "modes small.toml -q --plot a.png",
             ],
             _PICTURES,
         ),
         (
             [
-                "export plain_weave -q -o a.vtu",
-                "export plain_weave -q -o a.stl",
-                "modes plain_weave -q --json",
+                "export small.toml -q -o a.vtu",
+                "export small.toml -q -o a.stl",
+                "modes small.toml -q --json",
             ],
             _FILTERS,
         ),
-        (["plot plain_weave -q -o a.png"], {*_FILTERS, "matplotlib"}),
+        (["plot small.toml -q -o a.png"], {*_FILTERS, "matplotlib"}),
     ],
 )
 def test_with_cached_modes_a_command_imports_only_what_it_needs(

@@ -30,7 +30,10 @@ def apply(file: Path, diff: str) -> None:
 
 @pytest.mark.parametrize(
     "page",
-    ["add_a_scene", pytest.param("add_a_format", marks=pytest.mark.nightly), "add_a_stage"],
+    [
+        *(pytest.param(f"add_a_{each}", marks=pytest.mark.nightly) for each in ("scene", "format")),
+        "add_a_stage",
+    ],
 )
 def test_a_guide_can_be_followed(page: str, tmp_path: Path) -> None:
     for part in ("spacemap_vtk", "scenes"):

@@ -37,7 +37,7 @@ OBJ = b"v 0 0 0\nf 2/1 3/2 4/3\n"
     ("ending", "content"),
     [
         (".obj", OBJ),
-        (".vtu", VTU),
+        pytest.param(".vtu", VTU, marks=pytest.mark.nightly),
         pytest.param(".ply", PLY, marks=pytest.mark.nightly),
         pytest.param(".pvtu", PVTU, marks=pytest.mark.nightly),
         pytest.param(".vtk", VTK + b"POLYGONS 1 2\n99999 0\n", marks=pytest.mark.nightly),

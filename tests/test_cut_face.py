@@ -64,7 +64,7 @@ def test_uncut_and_empty_surfaces_have_no_face() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("pattern", ["plain", "twill 2/2"])
+@pytest.mark.parametrize("pattern", [pytest.param("plain", marks=pytest.mark.nightly), "twill 2/2"])
 def test_cut_faces_through_a_weave_add_up_to_its_volume(axis: int, pattern: str) -> None:
     scene = Scene({"weave": {"pattern": pattern, "ends": 4, "picks": 4}})
     scene.update(0.0)

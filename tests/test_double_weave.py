@@ -173,9 +173,8 @@ def test_single_cloths_are_not_double_weaves() -> None:
         waffle,
         np.ones((4, 4), dtype=bool),
     ):
-        for turned in (weave, weave.T, ~weave):
-            for ends in (33, 3):
-                assert find_layers(tile_drawdown(turned, ends, 40)) is None
+        for turned, ends in ((weave, 33), (weave, 3), (weave.T, 33), (~weave, 3)):
+            assert find_layers(tile_drawdown(turned, ends, 40)) is None
     random = np.random.default_rng(1)
     for _ in range(20):
         assert find_layers(random.random((8, 8)) < 0.5) is None

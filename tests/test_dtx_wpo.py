@@ -9,7 +9,7 @@ from typing import Any
 import dtx_to_wif
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -74,7 +74,6 @@ LOOMS = st.builds(
 
 
 @given(LOOMS, st.data())
-@settings(max_examples=60, deadline=None)
 def test_another_program_reads_a_dtx(loom: Loom, data: st.DataObject) -> None:
     drawdown = loom.drawdown()
     families = []
@@ -97,7 +96,6 @@ def test_another_program_reads_a_dtx(loom: Loom, data: st.DataObject) -> None:
 
 
 @given(LOOMS)
-@settings(max_examples=60, deadline=None)
 def test_a_dtx_is_read_as_it_was_written(loom: Loom) -> None:
     ends, picks = loom.drawdown().shape[::-1]
     colors = [np.arange(3 * n, dtype=np.uint8).reshape(n, 3) for n in (ends, picks)]
@@ -215,7 +213,6 @@ def test_empty_drafts_are_refused() -> None:
 
 
 @given(st.sampled_from([".dtx", ".wpo", ".txt"]), st.data())
-@settings(max_examples=60, deadline=None)
 def test_damaged_drafts_are_read_or_refused(ending: str, data: st.DataObject) -> None:
     whole = {".dtx": DTX.encode(), ".wpo": wpo(102, 17, 12), ".txt": b"1: 1,3\n2: 2,4\n3: -\n"}[
         ending

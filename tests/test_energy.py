@@ -86,7 +86,7 @@ def test_energies_balance_with_all_kinds_of_loads(damping):
     )
     check(
         ModalMotion(STIFFNESS, DAMPING[damping], drives, position=0.1 * GAIN, rate=-GAIN),
-        (0.35, 1.1),
+        (0.2, 0.5),
     )
 
 

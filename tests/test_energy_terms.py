@@ -286,10 +286,10 @@ def test_body_falling_onto_a_barrier_turns_before_it() -> None:
     )
     moving = TransientResponse(alpha=0.0, gravity=(0, 0, -GRAVITY), max_step="1 ms")
     moving.SetInputConnection(stage.GetOutputPort())
-    moving.update(time=0.15)
+    moving.update(time=0.07)
     motion = moving.motion
     assert motion is not None
-    times = np.linspace(0.0, 0.15, 601)
+    times = np.linspace(0.0, 0.07, 281)
     kinetic, held, lost, work = motion.energies(times).T
     total = kinetic + held + lost - work
     assert abs(total - total[0]).max() < 1e-8 * kinetic.max()

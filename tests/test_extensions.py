@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -105,51 +107,69 @@ def installed(tmp_path: Path) -> Path:
     return tmp_path / "site"
 
 
-def run(*words: str, path: list[Path], folder: Path, code: str = "pass") -> tuple[int, str, str]:
-    """Run a command of the program; return its exit status and what it printed."""
-    main = f"{code}; from spacemap_vtk.cli.main import main; main()"
-    places = os.pathsep.join(map(str, path))
+#: Runs commands one after another, as most take less time than a process takes to start; a line of
+#: JSON has the exit status and the text of each.
+_RUN = """
+import contextlib, io, json, sys
+done = []
+for words in json.loads(sys.argv[1]):
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):
+        try:
+            from spacemap_vtk.cli.main import main
+            main(words)
+        except SystemExit as ended:
+            done.append((ended.code, text.getvalue()))
+print(json.dumps(done))
+"""
+
+
+def run(
+    *commands: str, path: list[Path], folder: Path, code: str = "pass"
+) -> list[tuple[int, str]]:
+    """Run commands of the program; return the exit status of each and what it printed."""
+    words = json.dumps([shlex.split(command) for command in commands])
     done = subprocess.run(
-        [sys.executable, "-c", main, *words],
+        [sys.executable, "-c", f"{code}\n{_RUN}", words],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": places},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))},
         capture_output=True,
         text=True,
         check=False,
     )
-    return done.returncode, done.stdout, done.stderr
+    assert done.returncode == 0, done.stderr
+    return [(code, text) for code, text in json.loads(done.stdout)]
 
 
 def test_package_adds_a_member_to_each_group(installed: Path, tmp_path: Path) -> None:
-    def spacemap(*words: str) -> str:
-        status, out, err = run(*words, path=[installed, ROOT], folder=tmp_path)
-        assert (status, err) == (0, ""), err
-        return out
-
-    shown = " ".join(spacemap("--help").split())
+    lifted = "export plain_weave -q --set weave.ends=3 --set weave.picks=3 --set lift.height=2mm -o"
+    commands = ("--help", "spell yarn", "recite plain_weave poem.txt", "keys lift")
+    commands += (f"{lifted} a.abc", "info a.abc", f"{lifted} a.vtu")
+    found = run(*commands, path=[installed, ROOT], folder=tmp_path)
+    assert [status for status, _ in found] == [0] * len(commands), found
+    text, spelled, recited, keys, _, told, _ = (text for _, text in found)
+    shown = " ".join(text.split())
     assert "spell Spell a word." in shown
     assert "serve Show a scene in a browser, with its motion and parameters." in shown
-    assert spacemap("spell", "yarn") == "y-a-r-n\n"
-    assert spacemap("recite", "plain_weave", "poem.txt") == "a poem\n"
+    assert spelled == "y-a-r-n\n"
+    assert recited == "a poem\n"
     assert (tmp_path / "poem.txt").read_text().startswith("Plain weave")
-    assert "How far it is lifted" in spacemap("keys", "lift")
-    spacemap("export", "plain_weave", "-q", "-o", "a.abc", "--set", "lift.height=2mm")
+    assert "How far it is lifted" in keys
     assert float((tmp_path / "a.abc").read_text()) > 0
-    assert "vtkPolyData" in spacemap("info", "a.abc")
-    spacemap("export", "plain_weave", "-q", "-o", "a.vtu", "--set", "lift.height=2mm")
-    lifted = pv.read(tmp_path / "a.vtu")["displacement"][:, 2]
-    np.testing.assert_allclose(lifted, 0.002, rtol=1e-6)
+    assert "vtkPolyData" in told
+    moved = pv.read(tmp_path / "a.vtu")["displacement"][:, 2]
+    np.testing.assert_allclose(moved, 0.002, rtol=1e-6)
 
 
 def test_package_that_cannot_be_loaded_is_named_and_ignored(
     installed: Path, tmp_path: Path
 ) -> None:
     (installed / "alphabet/files.py").write_text("import no_such_module")
-    status, out, err = run("scenes", path=[installed, ROOT], folder=tmp_path)
+    ((status, text),) = run("scenes", path=[installed, ROOT], folder=tmp_path)
     assert status == 0
-    assert "plain_weave" in out
-    assert "the package alphabet is ignored: cannot load alphabet.files" in err
-    assert "No module named 'no_such_module'" in err
+    assert "plain_weave" in text
+    assert "the package alphabet is ignored: cannot load alphabet.files" in text
+    assert "No module named 'no_such_module'" in text
 
 
 def test_core_runs_without_its_optional_parts(tmp_path: Path) -> None:
@@ -163,21 +183,20 @@ def test_core_runs_without_its_optional_parts(tmp_path: Path) -> None:
         else:
             place.with_suffix(".py").unlink()
 
-    def spacemap(*words: str) -> tuple[int, str]:
-        code = "from spacemap_vtk import extensions; extensions.BUILT_IN.clear()"
-        status, out, err = run(*words, path=[tmp_path], folder=tmp_path, code=code)
-        return status, out + err
-
-    status, shown = spacemap("--help")
-    assert status == 0
-    assert "serve" not in shown
-    export = "export", "plain_weave", "-q", "-o"
-    assert spacemap("render", "plain_weave", "-q", "-o", "a.png") == (0, "")
-    assert spacemap(*export, "a.vtu") == (0, "")
-    for name in ("a.inp", "a.usdc", "a.dtx"):
-        status, stated = spacemap(*export, name)
+    export = "export plain_weave -q --set weave.ends=3 --set weave.picks=3"
+    commands = ("--help", "render plain_weave -q -o a.png --size 160x120", f"{export} -o a.vtu")
+    unknown = ("a.inp", "a.usdc", "a.dtx")
+    commands += tuple(f"{export} -o {name}" for name in unknown)
+    commands += (f"{export} -o a.vtp --set warp.smooth=true",)
+    code = "from spacemap_vtk import extensions; extensions.BUILT_IN.clear()"
+    shown, drawn, written, *refused, smooth = run(
+        *commands, path=[tmp_path], folder=tmp_path, code=code
+    )
+    assert shown[0] == 0
+    assert "serve" not in shown[1]
+    assert drawn == written == (0, "")
+    for status, text in refused:
         assert status == 2
-        assert "unsupported format" in stated
-    status, stated = spacemap(*export, "a.vtp", "--set", "warp.smooth=true")
-    assert status == 1
-    assert 'no installed package provides "smooth" in its maps' in stated
+        assert "unsupported format" in text
+    assert smooth[0] == 1
+    assert 'no installed package provides "smooth" in its maps' in smooth[1]

@@ -11,7 +11,7 @@ from pathlib import Path
 import fuzz
 import fuzz_seeds
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from spacemap_vtk.workers import WORKER_VARIABLE
@@ -28,7 +28,6 @@ def folder() -> Path:
         yield Path(name)
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.sampled_from(QUICK), st.integers(0, 99), st.lists(STEP, min_size=1, max_size=6))
 def test_a_damaged_file_is_read_or_refused_with_one_line(
     folder: Path, name: str, number: int, steps: list[fuzz_seeds.Step]

@@ -20,6 +20,8 @@ from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.morph_surface import make_mode_surface, make_moving_surface
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.io.registry import writer
+from spacemap_vtk.jobs import make_data_job
+from spacemap_vtk.scenes.scene import Scene
 
 TIMES = np.linspace(0.0, 0.06, 13).tolist()
 TOLERANCE = 2e-6
@@ -140,6 +142,30 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         assert {address for address in page.addresses if not address.startswith("about:")} == {
             each.as_uri() for each in (file, colored, modes)
         }
+
+
+@pytest.mark.nightly
+def test_thin_yarns_leave_no_moire(tmp_path: Path) -> None:
+    colors = {"warp_color": "#101010", "weft_color": "#f0f0f0"}
+    sections = {f"{family}_section": "lenticular" for family in ("warp", "weft")}
+    weave = {"pattern": "plain", "ends": 40, "picks": 40, **colors, **sections}
+    scene, file = Scene({"weave": weave, "view": {"camera": "face"}}), tmp_path / "cloth.html"
+    make_data_job(file, "moving", subdivisions=1).run(scene)
+    found = []
+    with browser(160, 160) as page:
+        page.open(file.as_uri())
+        page.wait_until(OPEN)
+        page.evaluate("spacemap.camera.distance *= 2.1; 0")  # about a pixel from yarn to yarn
+        for averages in ("false", "true"):
+            page.evaluate(f"spacemap.drawing.adds = {averages}; 0")
+            image = read_canvas(page).mean(axis=2)
+            rows, columns = (np.flatnonzero((image < 160).any(axis=k)) for k in (1, 0))
+            inner = image[rows[0] + 4 : rows[-1] - 3, columns[0] + 4 : columns[-1] - 3]
+            side = min(inner.shape) // 6 * 6
+            blocks = inner[:side, :side].reshape(side // 6, 6, side // 6, 6)
+            found.append(blocks.mean(axis=(1, 3)).std())
+    assert found[0] > 10.0  # without the mean of shifted pictures
+    assert found[1] < 3.0
 
 
 def test_colours_show_the_values_of_each_time(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from spacemap_vtk.cage.lattice import build_lattice, estimate_bytes
@@ -36,7 +36,6 @@ def test_cage_of_the_published_experiment():
     assert 3 * np.count_nonzero(points[:, 1] < 1) == 180
 
 
-@settings(max_examples=60, deadline=None)
 @given(counts, counts, counts)
 def test_conforms_and_fills_the_box(nx, ny, nz):
     bounds = (-1.0, 2.5, 0.25, 1.0, 3.0, 3.125)

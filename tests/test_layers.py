@@ -6,6 +6,7 @@ Read from the source alone, imports under ``TYPE_CHECKING`` and within functions
 from __future__ import annotations
 
 import ast
+import gc
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -66,10 +67,12 @@ FILES = {
 def modules() -> dict[str, ast.Module]:
     """Return the tree of each module by its name below the package."""
     found = {}
+    gc.disable()  # it would go through all trees with each tree that is added
     for file in sorted(PACKAGE.rglob("*.py")):
         name = ".".join(file.relative_to(PACKAGE).with_suffix("").parts)
         name = name.removesuffix("__init__").rstrip(".")
         found[name] = ast.parse(file.read_text(encoding="utf-8"))
+    gc.enable()
     return found
 
 

@@ -57,6 +57,7 @@ CLEARANCE = {"color": "clearance"}
             "sheet", 800, "auto", [0.1], {"color": "clearance"}, marks=pytest.mark.nightly
         ),
         pytest.param("sheet", 2000, "auto", [0.1], {}, marks=pytest.mark.nightly),
+        pytest.param("sheet", 400, "auto", [], {}, marks=pytest.mark.nightly),
     ],
 )
 def test_estimate_for_a_picture_is_within_a_factor_of_two(
@@ -197,6 +198,13 @@ def test_too_large_sheet_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(SizeError, match=r"view\.size: a picture of 800 x 800 yarns as a sheet wou"):
         Picture(scene, [0.0], (640, 480))
     assert scene.source.executions == 0
+
+
+def test_a_sheet_of_10_000_yarns_needs_its_halved_textures() -> None:
+    # 1.75 GB were measured for 10,000 x 10,000 yarns at 1280 x 1280.
+    scene = Scene({"weave": {"ends": 10_000, "picks": 10_000}})
+    size = choose_level(scene, PictureRequest((1280, 1280))).bytes
+    assert 0.5 * 1.75e9 < size < 2 * 1.75e9
 
 
 def test_draft_too_large_for_any_machine_is_refused(

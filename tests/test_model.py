@@ -165,7 +165,10 @@ def in_long_double(matrix, right):
 
 
 @pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="no longer float than float64")
-@pytest.mark.parametrize(("length", "most"), [(0.125, (1e-9, 1e-5)), (0.5, (1e-6, 1e-3))])
+@pytest.mark.parametrize(
+    ("length", "most"),
+    [pytest.param(0.125, (1e-9, 1e-5), marks=pytest.mark.nightly), (0.5, (1e-6, 1e-3))],
+)
 def test_very_thin_sheets_are_solved_within_the_estimated_rounding(length, most):
     made = thin_sheet(length, (4, 3, 1))
     free = made.free
@@ -274,10 +277,10 @@ def leissa_factors(model, modes, length):
 @pytest.mark.parametrize(
     ("length", "count"),
     [
-        *((0.1, 1), (0.1, 40), (2.0, 8), (5.0, 1), (5.0, 40)),
+        *((0.1, 40), (2.0, 8), (5.0, 1)),
         *(
             pytest.param(length, count, marks=pytest.mark.nightly)
-            for length, count in [(0.1, 8), (2.0, 1), (2.0, 40), (5.0, 8)]
+            for length, count in [(0.1, 1), (0.1, 8), (2.0, 1), (2.0, 40), (5.0, 8), (5.0, 40)]
             + [(0.5, count) for count in (1, 8, 40)]
         ),
     ],
@@ -314,7 +317,9 @@ def test_modes_lost_in_rounding_are_not_rigid(monkeypatch, limit):
 
 
 @pytest.mark.parametrize("limit", [10_000, 0], ids=["dense", "sparse"])
-@pytest.mark.parametrize("length", [0.01, pytest.param(1.0, marks=pytest.mark.nightly), 5.0])
+@pytest.mark.parametrize(
+    "length", [*(pytest.param(each, marks=pytest.mark.nightly) for each in (0.01, 1.0)), 5.0]
+)
 @pytest.mark.parametrize(
     ("places", "count"),
     [

@@ -120,7 +120,7 @@ def ordered(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: values[rows] for name, values in arrays.items()}
 
 
-@pytest.mark.parametrize("processes", [pytest.param(2, marks=NIGHTLY), 3])
+@pytest.mark.parametrize("processes", [2, pytest.param(3, marks=NIGHTLY)])
 def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: Path) -> None:
     described = cases(tmp_path)
     file = tmp_path / "cases.json"

@@ -106,6 +106,7 @@ def test_the_version_has_one_source_and_metadata_is_complete() -> None:
 #: Packages whose module has another name.
 _DISTRIBUTIONS = {
     "PIL": "pillow",
+    "PySide6": "PySide6_Essentials",
     "imageio_ffmpeg": "imageio-ffmpeg",
     "pxr": "usd-core",
     "trame_client": "trame-client",

@@ -9,7 +9,7 @@ from math import degrees, pi, sqrt
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from weaves import measured
 
@@ -152,7 +152,6 @@ def test_largest_diameter_sum_of_square_cloth() -> None:
     assert peirce.largest_diameter_sum(1e-200, 1e-200) > 0
 
 
-@settings(max_examples=300)
 @given(p=lengths, d=lengths, share=st.floats(1e-3, 1))
 @example(p=0.4453125, d=1.0, share=1 - 2**-53)
 def test_the_height_for_a_crimp_inverts_solve(p: float, d: float, share: float) -> None:

@@ -69,7 +69,7 @@ def test_pieces_have_equal_work(pattern: str, pieces: int) -> None:
     assert max(counts) - min(counts) <= 0.02 * whole / pieces + 2 * yarn
 
 
-@pytest.mark.parametrize("pieces", [2, 3, 11])
+@pytest.mark.parametrize("pieces", [2, pytest.param(3, marks=pytest.mark.nightly), 11])
 @pytest.mark.parametrize("spline", [False, True])
 def test_one_process_can_make_all_pieces_in_turn(pieces: int, spline: bool) -> None:
     case = {"source": {"ends": 4, "picks": 3, "axis": "spline" if spline else "arcs"}}
@@ -219,7 +219,7 @@ def test_a_large_cloth_can_be_made_in_pieces(monkeypatch: pytest.MonkeyPatch) ->
     assert weave.GetOutputDataObject(0).GetNumberOfCells()
 
 
-@pytest.mark.parametrize("pieces", [3, 50])
+@pytest.mark.parametrize("pieces", [pytest.param(50, marks=pytest.mark.nightly), 3])
 def test_files_of_pieces_contain_the_whole_cloth(pieces: int, tmp_path: Path) -> None:
     values = {"weave": {"ends": 4, "picks": 3}, "surface": {"subdivisions": 2}, "response": {}}
     scene, file = Scene(values), tmp_path / "a.pvtp"

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from test_textile import sources  # noqa: F401
 
@@ -264,7 +264,6 @@ def random_project(random: np.random.Generator) -> tuple[PlannedDraft, Project]:
     return draft, plan_project(draft, request)
 
 
-@settings(max_examples=60)
 @given(drafts)
 def test_colours_add_up_to_the_warp_and_the_weft(random: np.random.Generator) -> None:
     draft, project = random_project(random)
@@ -289,7 +288,6 @@ def test_colours_add_up_to_the_warp_and_the_weft(random: np.random.Generator) ->
     assert width * (1 - request.weft_shrinkage) == pytest.approx(project.finished_width)
 
 
-@settings(max_examples=60)
 @given(drafts)
 def test_threads_are_whole_repeats_nearest_to_the_size(random: np.random.Generator) -> None:
     draft, project = random_project(random)

@@ -149,7 +149,6 @@ def test_energies_are_plotted_for_a_motion_in_time_steps(
         'modal = { elements = "sheet", youngs_modulus = "20 kPa", fixed = "+y" }\n'
         'transient = { duration = "20 ms" }\n'
     )
-    assert run("plot", str(scene), "-o", str(file), "-q") == 0
     assert run("plot", str(scene), "-o", str(file)) == 0
     assert "has a frequency response" in capsys.readouterr().err
     # A line for each axis, and for each energy.

@@ -91,7 +91,7 @@ def test_only_three_of_the_drafts_have_a_pattern_weft() -> None:
 def test_each_draft_is_in_the_table_of_origins() -> None:
     text = (FOLDER / "drafts" / "ORIGIN.md").read_text("utf-8")
     files = [path.name for path in (FOLDER / "drafts").glob("*.w*")]
-    assert len(files) == 18
+    assert len(files) == 23
     for name in files:
         draft = read_draft(FOLDER / "drafts" / name)
         assert f"| `{name}` | {draft.size[0]} × {draft.size[1]} |" in text

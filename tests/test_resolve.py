@@ -151,7 +151,6 @@ def test_crimp_of_either_family() -> None:
         WeaveSource(**yarns, warp_crimp=2).update()
 
 
-@settings(max_examples=60)
 @given(st.floats(0.1, 0.9), st.floats(0.55, 3), st.floats(0.55, 3), st.floats(0, 1))
 def test_any_feasible_crimp_is_reached(filling: float, p1: float, p2: float, part: float) -> None:
     yarns = {"warp_diameter": filling / 2, "weft_diameter": (1 - filling) / 2}
@@ -303,6 +302,14 @@ def test_thick_yarns_are_flattened() -> None:
     limit = (cloth.warp.spacing - width) / (sqrt(3) - 1)
     assert cloth.warp.diameter == pytest.approx(THICKNESS_SHARE * limit, rel=1e-8)
     assert "flattened to 0.9526 mm" in cloth.warnings[0]
+
+
+def test_yarns_of_cloths_that_change_places_leave_4_percent_open() -> None:
+    cloth = WeaveSource(draft=REAL.with_name("double_weave.wif")).cloth
+    space = cloth.warp.spacing
+    assert cloth.warp.aspect * cloth.warp.diameter == pytest.approx(0.8 * space)
+    # Between yarns of the other cloth, 1.05 (d + d) fits into p less the flat w - d.
+    assert cloth.warp.diameter == pytest.approx(THICKNESS_SHARE * 0.2 * space / 1.1, rel=1e-8)
 
 
 def test_thick_yarns_are_refused() -> None:

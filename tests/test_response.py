@@ -84,7 +84,9 @@ def forces(model: Any, load: Load) -> np.ndarray:
     return result.ravel()
 
 
-@pytest.mark.parametrize("k", [*range(len(EVERY_LOAD)), "all"])
+@pytest.mark.parametrize(
+    "k", [*(pytest.param(k, marks=pytest.mark.nightly) for k in range(len(EVERY_LOAD))), "all"]
+)
 def test_all_modes_give_the_response_of_the_full_system(k: int | str) -> None:
     chosen = EVERY_LOAD if k == "all" else [EVERY_LOAD[k]]
     chain = Chain(modes=1000, alpha=3.0, beta=1e-4, gravity=(0, 0, 0), loads=chosen)

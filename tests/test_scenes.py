@@ -266,10 +266,11 @@ SHORTER = {
     "cantilever_test": half_the_yarns(40, 10, "2.5 mm"),
     "catenary": ("modal.modes=30", *half_the_yarns(50, 22, "40 mm")),
     "curtain": ("cage.divisions=[16,8,1]", *half_the_yarns(40, 50, "20 mm")),
-    "drape": ("cage.divisions=[20,24,1]", *half_the_yarns(40, 50, "15 mm")),
-    "pennant": ("cage.divisions=[12,3,1]", *half_the_yarns(35, 10, "20 mm")),
-    "squall": ("cage.divisions=[6,8,1]", *half_the_yarns(30, 40, "20 mm")),
-    "swing": ("transient.tolerance=0.01",),
+    "drape": ("cage.divisions=[16,20,1]", *half_the_yarns(40, 50, "15 mm")),
+    "pennant": ("cage.divisions=[10,2,1]", *half_the_yarns(35, 10, "20 mm")),
+    "squall": ("cage.divisions=[4,8,1]", *half_the_yarns(30, 40, "20 mm")),
+    "let_go": ("cage.divisions=[4,12,1]", *half_the_yarns(20, 20, "20 mm")),
+    "swing": ("cage.divisions=[10,2,1]", "transient.tolerance=0.01"),
 }
 
 

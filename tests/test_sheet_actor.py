@@ -5,8 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from spacemap_vtk.draw.actors import sheet_actor
+from spacemap_vtk.datasets.arrays import points_of, to_points
+from spacemap_vtk.draw.actors.sheet_actor import add_directions, make_sheet, simplify_sheet
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
@@ -81,7 +84,7 @@ def test_a_pixel_shows_the_mean_of_its_yarns(
     assert np.abs(apart).mean() < 2.0 * most
 
 
-@pytest.mark.parametrize("pixels", [0.45, 0.55])
+@pytest.mark.parametrize("pixels", [0.45, pytest.param(0.55, marks=pytest.mark.nightly)])
 def test_fine_stripes_leave_no_moire(pixels: float, monkeypatch: pytest.MonkeyPatch) -> None:
     # Stripes of 2 to 2.2 pixels, in a picture that is rotated against them.
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
@@ -137,5 +140,27 @@ def test_crossings_beyond_the_texture_size_keep_their_mean_colours(
         return codes_of(quarters)
 
     exact = mean()
-    monkeypatch.setattr(sheet_actor, "LONGEST_ROW", 64)
+    monkeypatch.setattr(level_of_detail, "LONGEST_ROW", 64)
     np.testing.assert_allclose(mean(), exact, atol=2.0)
+
+
+@pytest.mark.parametrize(("waves", "cells"), [(0.0, 24), (2.0, 48), (20.0, 240)])
+def test_a_simplified_sheet_is_within_its_tolerance(waves: float, cells: int) -> None:
+    unequal = [5e-4] * 60 + [7e-4] * 60  # the cells of a sheet follow the yarns
+    weave = {"ends": 240, "picks": 240, "warp_spacing": unequal}
+    cloth = Scene({"weave": weave}).woven.cloth  # type: ignore[union-attr]
+    sheet = make_sheet(cloth, (240, 240))
+    points = points_of(sheet).astype(np.float64)
+    width = float(np.ptp(points[:, 0]))
+    points[:, 2] = 0.02 * width * np.sin(2 * np.pi * waves * points[:, 0] / width)
+    sheet.SetPoints(to_points(points))
+    add_directions(sheet, (240, 240))
+    few = simplify_sheet(sheet, (240, 240), 1e-4)
+    assert few.GetNumberOfCells() == cells**2
+    assert few.GetBounds() == pytest.approx(sheet.GetBounds(), abs=1e-4)
+    texels = vtk_to_numpy(few.GetPointData().GetTCoords()).reshape(cells + 1, cells + 1, 2)
+    lines = texels[0, :, 0], texels[:, 0, 1]
+    values = points_of(few).reshape(cells + 1, cells + 1, 3).transpose(1, 0, 2)
+    there = vtk_to_numpy(sheet.GetPointData().GetTCoords())
+    apart = RegularGridInterpolator(lines, values)(there) - points_of(sheet)
+    assert np.abs(apart).max() <= 1.01e-4

@@ -37,6 +37,7 @@ def test_stages_of_a_new_time_are_listed_with_their_bytes():
     assert not figures["compiled"]
 
 
+@pytest.mark.nightly
 def test_an_object_in_a_cage_is_measured(capsys):
     SCRIPT["main"](["plain_weave", "--set", "weave.ends=3", "--steps", "1", "--json"])
     (figures,) = json.loads(capsys.readouterr().out)["scenes"]

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from weaves import closed_cloth
@@ -15,10 +17,16 @@ from weaves import closed_cloth
 from spacemap_vtk import WeaveSource
 from spacemap_vtk.textile.drafts.pattern_weft import find_pattern_weft
 from spacemap_vtk.textile.geometry.section import build_section
-from spacemap_vtk.textile.geometry.swelling import RISE, swollen_changes
+from spacemap_vtk.textile.geometry.swelling import (
+    RISE,
+    measure_float_ends,
+    swollen_changes,
+)
 from spacemap_vtk.textile.geometry.weave import Weave, build_weave
 from spacemap_vtk.textile.patches.tessellation import Tessellation
+from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.lens import face_radius
+from spacemap_vtk.textile.weave.threads import Threads
 
 WEAVES = {
     "plain": np.indices((6, 6)).sum(axis=0) % 2 == 0,
@@ -50,12 +58,10 @@ def _positions(part: Any, points: Any, which: slice, sides: int) -> Any:
     return slice(which.start * samples, which.stop * samples)
 
 
-@pytest.mark.parametrize("unequal", [False, True])
-@pytest.mark.parametrize("weave", WEAVES)
-def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> None:
-    cloth = closed_cloth(WEAVES[weave], *(UNEQUAL if unequal else ()))
-    points, normals, yarn = surface(build_weave(cloth), 16)
-    size, (ends, picks) = float(np.min(cloth.warp.diameter)), cloth.size
+def gaps_at_crossings(cloth: Cloth, sides: int) -> list[float]:
+    """Return the least gap between both yarns at each crossing of a cloth of spacing 1."""
+    points, normals, yarn = surface(build_weave(cloth), sides)
+    ends, picks = cloth.size
     across, along = cloth.yarns[0].position, cloth.yarns[1].position
     least = []
     for end in range(ends):
@@ -70,10 +76,65 @@ def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> No
             foot, up = points[above][nearest], normals[above][nearest]
             beside = points[below] - foot
             gap = (beside * up).sum(axis=1) / up[:, 2]
-            least.append(gap[away < 0.012].min())
+            least.append(float(gap[away < 0.012].min()))
+    return least
+
+
+@pytest.mark.parametrize(
+    ("weave", "unequal"),
+    # Every weave in the gate, every second one with unequal yarns.
+    [
+        pytest.param(weave, bool(k % 2) != other, marks=[pytest.mark.nightly] * other)
+        for k, weave in enumerate(WEAVES)
+        for other in (False, True)
+    ],
+)
+def test_swollen_yarns_touch_and_do_not_overlap(weave: str, unequal: bool) -> None:
+    cloth = closed_cloth(WEAVES[weave], *(UNEQUAL if unequal else ()))
+    size, least = float(np.min(cloth.warp.diameter)), gaps_at_crossings(cloth, 16)
     # Tangent planes are too high by less than this.
     assert min(least) > -1.5e-3 * size
     assert max(least) < 1e-2 * size
+
+
+def test_high_floats_over_flat_yarns_swell_late_enough() -> None:
+    # The shallow arcs over flat ends leave high picks little room to rise.
+    flat, high = (
+        Threads(diameter=height, spacing=1.0, section="lenticular", aspect=width / height)
+        for height, width in ((0.1, 0.95), (0.5, 0.9))
+    )
+    cloth = Cloth(drawdown=WEAVES["random"], warp=flat, weft=high)
+    cloth.check()
+    assert min(gaps_at_crossings(cloth, 12)) > -1e-3 * 0.5
+
+
+@given(
+    near=st.floats(0.5, 4.0),
+    far=st.floats(0.5, 4.0),
+    straight=st.floats(0.0, 1.0),
+    theta=st.floats(0.02, 1.2),
+    height=st.floats(0.02, 0.9),
+)
+def test_rising_floats_stay_outside_of_the_yarn_before_them(
+    near: float, far: float, straight: float, theta: float, height: float
+) -> None:
+    arc = measure_float_ends(*(np.array([[x]]) for x in (near, far, straight, theta, height)), 2.0)
+    # Positions on the arc by fractions of its length along the cloth; the axis starts at 0.
+    t = np.linspace(0.0, 1.0, 50)
+    phi = np.arcsin(t * np.sin(theta))
+    outer = near + 0.5 * height + 0.46 * height * arc.rise[0, 0] * t**2
+    x, z = outer * np.sin(phi), outer * np.cos(phi) - near
+    assert np.hypot(x + straight, z - far).min() >= (far - 0.5 * height) * (1.0 - 1e-12)
+    assert arc.length[0, 0] == pytest.approx(near * np.sin(theta))
+
+
+def test_floats_are_nearly_full_at_their_first_crossing() -> None:
+    cloth = closed_cloth(WEAVES["twill"])
+    points, _, yarn = surface(build_weave(cloth), 6)
+    # End 2 floats on picks 2 and 3, and is 0.9 wide in between and 0.985 where it is full.
+    assert cloth.drawdown[1:5, 2].tolist() == [False, True, True, False]
+    first = np.abs(points[:, 1] - cloth.yarns[1].position[2]) < 0.02
+    assert np.ptp(points[first & (yarn == 2), 0]) > 0.9 + 0.75 * 0.085
 
 
 def test_a_pattern_weft_covers_its_tabby_without_overlap() -> None:
@@ -105,6 +166,25 @@ def test_a_pattern_weft_covers_its_tabby_without_overlap() -> None:
         deepest.append(depth.max())
     assert compared > 200
     assert max(deepest) < 4e-3 * size
+
+
+def test_short_floats_of_a_pattern_weft_spread_by_half() -> None:
+    draft = Path(__file__).parents[1] / "scenes" / "drafts" / "summer_and_winter.wif"
+    cloth = WeaveSource(draft=draft, ends=16, picks=16).cloth
+    points, _, yarn = surface(build_weave(cloth), 8)
+    width: dict[int, list[float]] = {1: [], 2: [], 3: []}  # by crossings of the float
+    for pick in range(0, 16, 2):
+        over = np.flatnonzero(np.diff(~cloth.drawdown[pick], prepend=True, append=True))
+        for first, last in itertools.pairwise(over):
+            length = last - first
+            if cloth.drawdown[pick, first] or length not in width or first == 0 or last == 16:
+                continue
+            middle = cloth.yarns[0].position[first:last].mean()
+            mine = (yarn == 16 + pick) & (np.abs(points[:, 0] - middle) < 0.02e-3)
+            width[length].append(float(np.ptp(points[mine, 1])))
+    lens, short, long_ = (np.mean(width[length]) for length in (1, 2, 3))
+    assert (short - lens) / (long_ - lens) == pytest.approx(0.5, abs=0.03)
+    assert long_ > 1.5 * lens
 
 
 def test_neighbouring_floats_close_up_and_stay_apart() -> None:

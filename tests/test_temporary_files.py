@@ -46,7 +46,13 @@ unix = pytest.mark.skipif(sys.platform == "win32", reason="no process there hear
 @pytest.mark.parametrize(
     ("program", "signals", "status"),
     [
-        *((_WAIT, [number], [128 + number]) for number in END_SIGNALS),
+        *(
+            pytest.param(
+                *(_WAIT, [number], [128 + number]),
+                marks=() if number == signal.SIGTERM else pytest.mark.nightly,
+            )
+            for number in END_SIGNALS
+        ),
         # one that comes when all is done ends the process by itself
         (_WAIT, [signal.SIGTERM] * 4, [143, -signal.SIGTERM]),
         (_WAIT, [signal.SIGINT], [-signal.SIGINT]),

@@ -56,7 +56,7 @@ def pendulum(degrees: float, loaded: bool = True, **options: Any) -> SteppedMoti
 
 def passages(motion: SteppedMotion, until: float) -> FloatArray:
     """Return when the end of a pendulum passes its lowest place."""
-    times = np.linspace(0.0, until, 4000)
+    times = np.linspace(0.0, until, 400)
     weights = (motion.points[:, 0] < 1e-9 - LENGTH) / 4
     x = motion.history(weights, times)[0, :, 0] - LENGTH
     k = np.flatnonzero(np.diff(np.sign(x)))
@@ -65,7 +65,7 @@ def passages(motion: SteppedMotion, until: float) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    "degrees", [*(pytest.param(each, marks=pytest.mark.nightly) for each in (30, 45)), 60, 90]
+    "degrees", [*(pytest.param(each, marks=pytest.mark.nightly) for each in (30, 45, 60)), 90]
 )
 def test_large_swing_has_the_period_of_a_pendulum(degrees: float) -> None:
     """The period is 2 K(sin θ₀/2)/π times that of a small swing: 1.0174, 1.0400, 1.0732, 1.1803."""
@@ -83,8 +83,8 @@ def drift(motion: SteppedMotion, until: float) -> float:
 
 
 def test_energy_equals_work_for_any_step() -> None:
-    for span in (0.002, 0.01):
-        assert drift(pendulum(90, tolerance=np.inf, max_step=span), 1.0) < 1e-9
+    for span, until in ((0.002, 0.3), (0.01, 1.0)):
+        assert drift(pendulum(90, tolerance=np.inf, max_step=span), until) < 1e-9
     assert drift(pendulum(90, tolerance=1e-2), 0.5) < 1e-9
 
 
@@ -119,7 +119,7 @@ def test_small_motion_equals_the_modal_response(k: int) -> None:
     loads = [cage.load_vector(action, 0.02 * np.array(value), function, place)]
     damping = Damping(alpha=2.0, beta=2e-4)
     modal = Response(cage, loads, damping)
-    span = 1e-4 if k < 5 else 5e-5  # of a base that is shaken, or jumps
+    span = 2e-4 if k < 5 else 1e-4  # of a base that is shaken, or jumps
     stepped = SteppedMotion(cage, loads, damping, tolerance=np.inf, max_step=span)
     assert isinstance(stepped, Motion)
     times = np.array([0.005, 0.012, 0.0181, 0.031, 0.05])
@@ -147,7 +147,7 @@ def test_small_motion_equals_the_modal_response(k: int) -> None:
 )
 def test_damping_ratios_damp_modes_as_given(ratio: Any, hung: bool) -> None:
     """As the modes' closed forms, about a hung state too; energy is all there."""
-    points, cells = build_lattice((0, 0.1, 0, 0.2, -1e-3, 1e-3), (2, 5, 1))
+    points, cells = build_lattice((0, 0.1, 0, 0.2, -1e-3, 1e-3), (2, 3, 1))
     plane = np.diag([1.0, 1.0, 0.5])
     plate = Plate(1e2 * plane, 1e-4 * plane, 40 * np.eye(2), 1e2)
     held = np.repeat(points[:, 1:2] > 0.1999, 3, axis=1)
@@ -199,7 +199,8 @@ def test_error_stays_within_the_tolerance() -> None:
 @pytest.mark.parametrize(
     ("mode", "amplitude"),
     [
-        *((0, 1e-3), (1, 1e-4)),
+        pytest.param(0, 1e-3, marks=pytest.mark.nightly),
+        (1, 1e-4),
         *(pytest.param(mode, 3e-5, marks=pytest.mark.nightly) for mode in (0, 1)),
     ],
 )
@@ -225,10 +226,13 @@ def test_mode_oscillates_at_its_frequency(mode: int, amplitude: float) -> None:
     assert len(motion.states) < 1500
 
 
-def test_parametric_resonance_grows_as_in_mathieus_equation() -> None:
+@pytest.mark.parametrize(
+    ("periods", "grown"), [(3, 1.5), pytest.param(10, 8.0, marks=pytest.mark.nightly)]
+)
+def test_parametric_resonance_grows_as_in_mathieus_equation(periods: int, grown: float) -> None:
     """A small sideways motion of a strip whose tension is modulated at twice its frequency.
 
-    Ten periods, undamped, with the default tolerance. Mathieu's coefficients are squared
+    Undamped, with the default tolerance. Mathieu's coefficients are squared
     frequencies of the strip at rest under its mean and its extreme tensions.
     """
     length, mean, change = 0.2, 50.0, 35.0  # accelerations along the strip [m/s²]
@@ -257,7 +261,7 @@ def test_parametric_resonance_grows_as_in_mathieus_equation() -> None:
     cage = cage_of(model)
     load = cage.load_vector("gravity", (change, 0, 0), time_functions.harmonic(omega / np.pi))
     motion = SteppedMotion(cage, [load], displacement=model.displacement + start, settled=True)
-    times = np.linspace(0.0, 20 * np.pi / omega, 401)
+    times = np.linspace(0.0, 2 * periods * np.pi / omega, 40 * periods + 1)
     moved = motion.history(tip / tip.sum(), times)[0, :, 2] / (5e-4 * length)
 
     def mathieu(time: float, state: FloatArray) -> list[float]:
@@ -267,7 +271,7 @@ def test_parametric_resonance_grows_as_in_mathieus_equation() -> None:
     exact = solve_ivp(
         mathieu, times[[0, -1]], [1, 0], method="DOP853", rtol=1e-10, atol=1e-10, t_eval=times
     ).y[0]
-    assert abs(exact).max() > 8
+    assert abs(exact).max() > grown
     np.testing.assert_allclose(moved, exact, atol=0.005 * abs(exact).max())
 
 

@@ -10,7 +10,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.spatial import cKDTree
@@ -229,7 +229,6 @@ def cloth_of(d1: float, d2: float, s1: float, s2: float, share: float) -> Cloth:
     )
 
 
-@settings(max_examples=150, deadline=None)
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=6)), cloths)
 def test_any_weave_touches_and_never_overlaps(over: np.ndarray, cloth: Cloth) -> None:
     points, yarn = sample_axes(changed(cloth, drawdown=over), samples=12)
@@ -395,7 +394,6 @@ def test_memory_is_estimated_from_above(kind: str) -> None:
     assert estimate < 2.0 * peak
 
 
-@settings(max_examples=60, deadline=None)
 @given(woven())
 def test_counts_are_those_of_what_is_built(cloth: Cloth) -> None:
     made = build_weave(cloth)

@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_wif import BASE, REAL, changed, same, written
@@ -75,7 +75,6 @@ def drafts(draw):
     return Draft(draw(arrays(bool, (picks, ends))), None, warp, weft, draw(titles))
 
 
-@settings(max_examples=150, deadline=None)
 @given(drafts())
 def test_any_draft_survives_a_round_trip(draft):
     first = parse_wif(format_wif(draft))
@@ -125,7 +124,6 @@ def naive_drawdown(loom):
     return result
 
 
-@settings(max_examples=150, deadline=None)
 @given(looms(), st.data())
 def test_any_loom_survives_a_round_trip(loom, data):
     drawdown = loom.drawdown()
@@ -170,7 +168,6 @@ def check_round_trip_or_refusal(data):
         same(written(found), parse_wif(format_wif(found)))
 
 
-fuzz = settings(max_examples=100, deadline=None)
 FULL = BASE + (
     "[WARP COLORS]\n1=2\n[WEFT SPACING]\n2=0.3\n[LIFTPLAN]\n1=1\n[TEXT]\nTitle=t\n"
     "[WARP THICKNESS]\n1=.05\n"
@@ -182,7 +179,6 @@ NASTY = [
 ]  # fmt: skip
 
 
-@fuzz
 @example(  # a section whose name begins with a bracket
     data=FULL.encode(), changes=[(FULL.index("[LIFTPLAN"), 0, b"[")]
 )
@@ -201,7 +197,6 @@ def test_random_bytes_are_read_or_refused(data, changes):
     check_round_trip_or_refusal(data)
 
 
-@fuzz
 @given(
     st.lists(
         st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.sampled_from(NASTY)), max_size=6
@@ -216,7 +211,6 @@ def test_random_lines_are_read_or_refused(changes):
     check_round_trip_or_refusal("\n".join(lines))
 
 
-@fuzz
 @given(st.text() | st.binary())
 def test_random_text_is_read_or_refused(data):
     check_round_trip_or_refusal(data)

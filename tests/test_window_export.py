@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.spatial import cKDTree
 from window import require_display, settled, wait_until
 
 require_display()
@@ -330,6 +331,23 @@ def test_exported_data_belong_to_the_shown_time(
     if words == "Surface":
         here = np.array(window.view.frame.surface.GetBounds())
         np.testing.assert_allclose(data.bounds, here, atol=1e-6)
+
+
+@pytest.mark.nightly
+def test_exported_yarns_are_irregular_only_on_request(
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, found = open_scene(), []
+    for name in ("regular", "irregular"):
+        done, file = record_written(window), tmp_path / f"{name}.stl"
+        answer = str(file), "Surface (*.stl)"
+        monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_, answer=answer: answer)
+        window.menus.actions["Irregular yarns in data"].setChecked(name == "irregular")
+        window.menus.actions["Export data…"].trigger()
+        wait_until(lambda done=done: done or window.errors.text)
+        assert window.errors.text == ""
+        found.append(pv.read(file).points)
+    assert 5e-6 < cKDTree(found[0]).query(found[1])[0].max() < 5e-5
 
 
 def test_exported_series_has_the_typed_times(

@@ -50,10 +50,10 @@ def force_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("fabric", {}),
         ("both", {"view": {"loads": True}}),
-        ("fabric", {"view": {"color": "displacement"}}),
+        pytest.param("fabric", {"view": {"color": "displacement"}}, marks=pytest.mark.nightly),
         ("fabric", {"view": {"clip_normal": [1.0, 0.0, 0.0]}}),
         ("fabric", {"view": {"color": "clearance"}}),
-        ("fabric", {"yarns": {}}),
+        pytest.param("fabric", {"yarns": {}}, marks=pytest.mark.nightly),
         ("fabric", {"yarns": {}, "view": {"color": "crimp"}}),
         ("fabric", {"yarns": {"modulus": "300 cN/tex", "inextensible": False}, "view": TENSION}),
     ],

@@ -76,7 +76,7 @@ def touches_and_never_overlaps(cloth: Cloth) -> None:
     assert abs(found.distance) <= (made.radial_error + 1e-12) * size
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8)
 @given(woven())
 def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
     touches_and_never_overlaps(cloth)
@@ -89,7 +89,6 @@ def test_many_cloths_touch_and_never_overlap(cloth: Cloth) -> None:
     touches_and_never_overlaps(cloth)
 
 
-@settings(max_examples=50, deadline=None)
 @given(woven(most=4))
 def test_surfaces_hold_their_distance(cloth: Cloth) -> None:
     """No point of a warp yarn's surface lies inside a weft yarn, by the definition of a section."""
@@ -190,7 +189,14 @@ def sheared(made: Weave) -> np.ndarray:
     return made.points @ np.array([[1, 0.4, 0], [0, 1, 0], [0.2, 0, 0.5]])
 
 
-@pytest.mark.parametrize("cloth", [UNEQUAL, KEMP, changed(UNEQUAL, exact=True)])
+@pytest.mark.parametrize(
+    "cloth",
+    [
+        pytest.param(UNEQUAL, marks=pytest.mark.nightly),
+        KEMP,
+        pytest.param(changed(UNEQUAL, exact=True), marks=pytest.mark.nightly),
+    ],
+)
 def test_clearance_after_deformation(cloth: Cloth) -> None:
     made = build_weave(changed(cloth, drawdown=plain(5, 4)))
     # what is deformed as a whole cannot overlap: sections are sheared and flattened with the rest
@@ -245,7 +251,7 @@ def test_shape_does_not_depend_on_the_unit(kind: str) -> None:
     reference, figures = build_weave(cloth), fabric_figures(cloth)
     size = abs(reference.points).max()
     gap = least_clearance(cloth)
-    for unit in (1e3, 1e6, 1e-3, 1 / 3):
+    for unit in (1e6, 1 / 3):
         made = build_weave(scaled(cloth, unit))
         assert np.array_equal(made.patches, reference.patches)
         assert abs(made.points / unit - reference.points).max() < 1e-12 * size

@@ -1,10 +1,14 @@
-"""Make the drafts of this folder that are our own: python scenes/drafts/make.py
+"""Make the drafts of this folder that are not copies of files: python scenes/drafts/make.py
 
-They follow the textbook set-up of four weaves that none of the other drafts has.
+Four are our own; they follow the textbook set-up of weaves that none of the other drafts has. Five
+are tartans, woven in 2/2 twill from thread counts of a public collection (see ORIGIN.md).
 """
 
 from __future__ import annotations
 
+import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +28,25 @@ NATURAL, INDIGO, RUST, MADDER, SAGE = (
 #: Spacing of both families, and widths that close the cloth: of the warp and a single weft; of
 #: tabby and a pattern weft that is twice as thick. All in m.
 SPACING, PLAIN, FINE, THICK = 0.6e-3, 0.55e-3, 0.4e-3, 0.8e-3
+#: Colours of tartans, as their collection has them, by letter.
+TARTAN_COLORS = {
+    "a": (0x43, 0x67, 0xAE),
+    "b": (0x00, 0x00, 0x52),
+    "g": (0x11, 0x45, 0x0D),
+    "k": (0x00, 0x00, 0x00),
+    "r": (0xAA, 0x00, 0x00),
+    "w": (0xAA, 0xAA, 0xAA),
+    "y": (0xAA, 0xAA, 0x00),
+}
+#: Half the threads of a repeat by name: letters of colours with numbers of threads, as in their
+#: collection, where the counts in brackets come forwards, then backwards.
+TARTANS = {
+    "Gordon": "b12(k2b2k2b2k12g12y2g12k12b11k2)b2",
+    "MacGregor": "r36(g18r4g6k1)w2",
+    "Menzies Dress": "r36(w4r3w4r6w2r1)w12",
+    "MacLeod of Lewis": "r1(y12k8y1)k8",
+    "Anderson": "r3(a6r1k2r1a18k3w3k3y1k1y1k4r1b4r3g6r2g6)r4",
+}
 
 
 def draft(
@@ -108,6 +131,22 @@ def huck_lace() -> Draft:
     return draft("Huck lace", threading, tieup, [*lace * 2, *plain] * 2)
 
 
+def tartan(name: str) -> Draft:
+    """Return so many repeats of a tartan in 2/2 twill that both fit."""
+    stripes = [(color, int(count)) for color, count in re.findall(r"([a-z])(\d+)", TARTANS[name])]
+    stripes.reverse()  # the last ones are narrower: more colours are seen near the first corner
+    repeat = [color for color, count in [*stripes, *stripes[-2:0:-1]] for _ in range(count)]
+    count = math.lcm(4, len(repeat))
+    threading = [1 + thread % 4 for thread in range(count)]
+    made = draft(f"{name} tartan", threading, ((1, 2), (2, 3), (3, 4), (4, 1)), threading)
+    colors = np.array([TARTAN_COLORS[color] for color in repeat], dtype=np.uint8)
+    threads = replace(made.warp, colors=np.resize(colors, (count, 3)))
+    return replace(made, warp=threads, weft=threads)
+
+
 if __name__ == "__main__":
     for make in (overshot, summer_and_winter, monks_belt, huck_lace):
         (HERE / f"{make.__name__}.wif").write_bytes(format_wif(make()))
+    for name in TARTANS:
+        file = f"tartan_{name.lower().replace(' ', '_')}.wif"
+        (HERE / file).write_bytes(format_wif(tartan(name)))

@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -48,6 +48,9 @@ from spacemap_vtk.jobs import (
     make_data_job,
 )
 from spacemap_vtk.jobs.job import Job
+
+if TYPE_CHECKING:
+    from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.jobs.picture import MOST_SAMPLES, SAMPLES
 from spacemap_vtk.units import parse_quantity
 
@@ -267,6 +270,13 @@ def export(
     modes: Annotated[
         bool, flag("Write mode shapes instead of the motion; same as --what modes.")
     ] = False,
+    irregular: Annotated[
+        bool,
+        flag(
+            "Write yarns as irregular in position, width and brightness as pictures show them, "
+            "with the same seed; see view.irregularity. Default: regular yarns, as measured."
+        ),
+    ] = False,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -320,6 +330,8 @@ def export(
             job = _with_curves(job, curves)
         if subdivisions is not None:
             job = _with_subdivisions(job, subdivisions)
+        if irregular:
+            job = _with_irregularity(job, chosen)
     run_job(job, chosen, "Computing", quiet)
 
 
@@ -399,6 +411,14 @@ def _with_curves(job: Job, curves: str) -> Job:
             f"{job.output.name} cannot store curves", key="curves", allowed=".usdc or .usda"
         )
     return replace(job, curves=curves)
+
+
+def _with_irregularity(job: Job, scene: Scene) -> Job:
+    from spacemap_vtk.scenes.irregular_data import require_irregular
+
+    require_irregular(scene, job.kind)
+    assert isinstance(job, (DataJob, MovingJob, ModesJob))
+    return replace(job, irregular=True)
 
 
 def _with_subdivisions(job: Job, subdivisions: int) -> Job:

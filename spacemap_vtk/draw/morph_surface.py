@@ -36,6 +36,7 @@ from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.embedding.morph_targets import find_morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.patch_tessellator import brighten, point_brightness
 from spacemap_vtk.io.polygons import require_writer_memory
 from spacemap_vtk.io.registry import SMALLER_FILE_CURE
 from spacemap_vtk.memory import require_memory
@@ -451,6 +452,12 @@ def _make_still_surface(
     triangles, cells = _triangles(surface)
     points, normals = _points_and_normals(surface, np.arange(surface.GetNumberOfPoints()))
     names, parts, colors, of_points = _parts_and_colors(scene, surface)
+    if (bright := point_brightness(surface)) is not None:
+        # Points belong to one patch each, so that the brightness varies smoothly along a yarn.
+        corners = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 4)
+        of_point = np.zeros((len(points), 3), np.uint8)
+        of_point[corners] = colors[:, None]
+        colors, of_points = brighten(of_point, bright[:, None]), True
     about: dict[str, Any] = {"scene": scene.title, "units": "m"}
     color = scene.view.color
     if not numbers and (values := color_values(surface, color)) is not None:

@@ -15,6 +15,7 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.actors.contact_shadows import contact_shadows, covered_part
 from spacemap_vtk.draw.actors.glyphs import cut_of, moved_points, rest_points
+from spacemap_vtk.draw.actors.sheet_actor import simplify_sheet
 from spacemap_vtk.draw.actors.surface_actor import Span, color_bar_share, natural_span
 from spacemap_vtk.draw.camera import (
     CameraView,
@@ -55,6 +56,7 @@ from spacemap_vtk.scenes.memory_estimates import (
     panel_contents,
     panel_widths,
     require_piece,
+    require_pixels,
     supersampling,
 )
 from spacemap_vtk.scenes.scene import Scene
@@ -69,6 +71,8 @@ Extent = tuple[Floats, Span | None]
 #: Facets around a quarter of a yarn with which clearances are exact to about a hundredth of the
 #: yarn's diameter.
 _FINE_SIDES = 4
+#: Largest error of a sheet's points, in pixels.
+_SHEET_PIXELS = 0.1
 #: Height of a picture in which a point is one pixel.
 _POINT_HEIGHT = 960
 #: Least size of a point, in pixels.
@@ -160,6 +164,10 @@ class Picture:
         if cloth is not None:
             view = _camera_view(scene, (width, height), show, viewpoint, for_page, points)
             self.level = _set_facets(scene, cloth, self.level, points, view)
+            if self.level.method in (DrawingMethod.PIECES, DrawingMethod.TILES):
+                require_pixels(scene, self._request)  # they need more than those of the sheet
+            #: Largest error of a sheet's points in m.
+            self._sheet_tolerance = _SHEET_PIXELS * cloth.spacing / max(self.level.pixels, 1e-9)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, panel_widths(width, len(panels)), strict=True):
             self.panels.append(self._make_panel(scene, panel, (w, height), points))
@@ -211,6 +219,9 @@ class Picture:
         else:
             surface, cloth, crossings = sheet.update(time), sheet.cloth, sheet.crossings
         frame = frame_of(self.scene, time, surface, None, view.loads, cloth, crossings)
+        if sheet is not None and self.pieces is None:
+            few = simplify_sheet(frame.surface, sheet.cells, self._sheet_tolerance)
+            frame = replace(frame, surface=few)
         if self._underlay is not None:
             cage = self.scene.deformed_cage if self.scene.moves else None
             frame = replace(frame, underlay=self._underlay.in_cage(cage))

@@ -21,14 +21,21 @@ from vtkmodules.vtkCommonDataModel import (
 )
 from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
-from spacemap_vtk.datasets.arrays import cells_of, points_of, to_array, to_cells, to_points
+from spacemap_vtk.datasets.arrays import (
+    cells_of,
+    points_of,
+    shallow_copy,
+    to_array,
+    to_cells,
+    to_points,
+)
 from spacemap_vtk.datasets.cloth_data import PLACES, cloth_of
 from spacemap_vtk.datasets.geometry_snapshot import ConnectivitySnapshot
 from spacemap_vtk.datasets.surface_extract import SurfaceExtractor
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Ints
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Ints
 from spacemap_vtk.parameters import Integer
 from spacemap_vtk.textile.geometry.exposure import ClothExposure
 from spacemap_vtk.textile.geometry.irregularity import Irregularity
@@ -138,7 +145,7 @@ class PatchTessellator(Stage):
             (P, k), and replaces `sides`. Of two different results one must divide the other.
         look : Irregularity, optional
             For pictures: makes woven yarns irregular, and adds the array `LOOK`. By default the
-            surface is that of the patches, as for measurement and files.
+            surface is that of the patches, as for measurements.
         """
         changed = (sides, detail) != (self._chosen, self._detail) and self.subdivisions is None
         if changed or (strands, look) != (self._strands, self._look):
@@ -206,6 +213,40 @@ class PatchTessellator(Stage):
             at_points.AddArray(to_array(look, LOOK))
         output.GetFieldData().ShallowCopy(grid.GetFieldData())
 
+    def irregular(self, grid: vtkUnstructuredGrid, look: Irregularity) -> vtkUnstructuredGrid:
+        """Return the patches of a weave with irregular yarns, whose surface is that of `look`.
+
+        Parameters
+        ----------
+        grid : vtkUnstructuredGrid
+            Patches of a weave, wherever they have been moved.
+        look : Irregularity
+            Amount and seed.
+
+        Returns
+        -------
+        vtkUnstructuredGrid
+            Without the array `PLACES`, so that no picture makes the yarns irregular again.
+
+        Raises
+        ------
+        GeometryError
+            If these are not the patches of a weave.
+        """
+        prepared = self._prepare(grid)
+        strands = prepared.strands(grid)
+        if strands is None:
+            raise GeometryError("only the patches of a weave can be irregular")
+        moved = shallow_copy(grid)
+        moved.SetPoints(to_points(strands.make_irregular(points_of(grid), look)))
+        bright = np.empty((len(prepared.patches), 1))
+        for group in prepared.groups:
+            samples = group.strands(strands).relative_brightness(group.numbers, look)
+            bright[group.numbers, 0] = samples.mean(axis=0)
+        _brighten(moved.GetCellData(), bright)
+        moved.GetFieldData().RemoveArray(PLACES)
+        return moved
+
     def _drop_ghosts(self, output: vtkPolyData) -> None:
         """Remove the ghosts, which were needed only to find the outer faces of a piece."""
         if self.piece.total > 1 and self.piece.ghosts == 0:
@@ -229,6 +270,71 @@ class PatchTessellator(Stage):
         if self._kept is None or not self._kept.is_valid_for(grid, sides):
             self._kept = _PreparedPatches(grid, sides)
         return self._kept
+
+
+def bake_brightness(surface: vtkPolyData) -> vtkPolyData:
+    """Multiply the colours of irregular yarns by their brightness.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Facets with the cell array ``color``.
+
+    Returns
+    -------
+    vtkPolyData
+        Without the point array `LOOK`; `surface` itself if it has none.
+    """
+    bright = point_brightness(surface)
+    if bright is None:
+        return surface
+    baked = shallow_copy(surface)
+    corners = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 4)
+    _brighten(baked.GetCellData(), bright[corners].mean(axis=1, keepdims=True))
+    baked.GetPointData().RemoveArray(LOOK)
+    return baked
+
+
+def point_brightness(surface: vtkPolyData) -> AnyFloats | None:
+    """Return the relative brightness of irregular yarns at the points of a surface.
+
+    Parameters
+    ----------
+    surface : vtkPolyData
+        Facets of patches.
+
+    Returns
+    -------
+    ndarray of float32, shape (N,), or None
+        About 1; None if the yarns are regular.
+    """
+    look = surface.GetPointData().GetArray(LOOK)
+    return None if look is None else vtk_to_numpy(look)[:, 1]
+
+
+def brighten(colors: Bytes, bright: AnyFloats) -> Bytes:
+    """Multiply colours by a relative brightness.
+
+    Parameters
+    ----------
+    colors : ndarray of uint8, shape (n, 3)
+        Red, green and blue.
+    bright : ndarray of float, shape (n, 1)
+        About 1.
+
+    Returns
+    -------
+    ndarray of uint8, shape (n, 3)
+        At most 255.
+    """
+    return np.rint(np.clip(colors * bright, 0.0, 255.0)).astype(np.uint8)
+
+
+def _brighten(data: vtkFieldData, bright: AnyFloats) -> None:
+    """Multiply the colours of cells."""
+    colors = data.GetArray("color")
+    if colors is not None:
+        data.AddArray(to_array(brighten(vtk_to_numpy(colors), bright), "color"))
 
 
 def _concatenate(parts: Sequence[AnyFloats]) -> AnyFloats:

@@ -16,6 +16,8 @@ from spacemap_vtk.io.registry import DATA, writer, writer_endings, writers
 from spacemap_vtk.jobs.job import (
     Context,
     Job,
+    Progress,
+    ReportLoss,
     Times,
     film_times,
     make_job,
@@ -42,6 +44,9 @@ _MOST_PIECES = 10_000
 class ExportJob(Job):
     """A job that writes data of a scene for other programs."""
 
+    #: Whether yarns are as irregular as in pictures. By default they are regular, as figures are.
+    irregular: bool
+
     @property
     def is_numbered(self) -> bool:
         """Whether each time is written into a separate file."""
@@ -51,6 +56,19 @@ class ExportJob(Job):
     def needs_folder(self) -> bool:
         """Whether other files may appear next to the output."""
         return True
+
+    def run(
+        self,
+        scene: Scene,
+        progress: Progress = lambda done, of: None,
+        report_loss: ReportLoss | None = None,
+        atomic: bool = True,
+    ) -> str:
+        """Make the file from a scene, and return a sentence about it, or an empty text."""
+        from spacemap_vtk.scenes.irregular_data import yarns_of_data
+
+        with yarns_of_data(scene, self.kind, self.irregular):
+            return super().run(scene, progress, report_loss, atomic)
 
 
 @register(*(kind for kind in DATA if kind not in ("moving", "modes")))
@@ -65,6 +83,7 @@ class DataJob(ExportJob):
     times: Sequence[float] = ()
     #: Number of pieces that are made and written one after another, if the format has pieces.
     pieces: int = 0
+    irregular: bool = False
 
     def __post_init__(self) -> None:
         check_data_output(self.output, self.kind, self.pieces)

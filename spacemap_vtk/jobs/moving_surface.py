@@ -41,6 +41,7 @@ class MovingJob(ExportJob):
     subdivisions: int | None = None
     #: What the curves of the yarns are, see `spacemap_vtk.draw.detail.yarn_recorder.STRANDS`.
     curves: str = "yarns"
+    irregular: bool = False
 
     kind = "moving"
 
@@ -113,6 +114,7 @@ class ModesJob(ExportJob):
     output: Path
     #: Subdivisions of each patch. None: those of the scene, or as many as a player can show.
     subdivisions: int | None = None
+    irregular: bool = False
 
     kind = "modes"
 

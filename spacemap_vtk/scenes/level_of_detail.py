@@ -218,7 +218,7 @@ def choose_level(
     if form is DrawingMethod.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)
-    size = sheet_bytes(scene, request, cloth.ends * cloth.picks)
+    size = sheet_bytes(scene, request, cloth.ends * cloth.picks, texture_halvings(counts))
     require_sheet(scene, counts, size)
     return LevelOfDetail(form, bytes=size)
 
@@ -279,6 +279,11 @@ def facets_at_scale(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> L
 def sides_in_file(cloth: DrawnCloth, usual: int) -> int:
     """Return the quadrilaterals along each side of a patch in a file of a moving surface."""
     return max(1, min(usual, int((FILE_POINTS / cloth.patches) ** 0.5)))
+
+
+def texture_halvings(counts: tuple[int, int]) -> int:
+    """Return how often a texture of these ends and picks is halved to fit into OpenGL's limits."""
+    return max(0, (max(counts) - 1).bit_length() - LONGEST_ROW.bit_length() + 1)
 
 
 def quads_in_view(size: tuple[int, int]) -> int:

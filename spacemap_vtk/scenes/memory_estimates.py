@@ -23,6 +23,8 @@ from spacemap_vtk.scenes.scene import Scene
 _PROGRAM = 200_000_000
 #: Each drawn pixel, with its depth, samples, shading and position in the picture.
 _PIXEL = 60
+#: Each pixel of a panel that shows only a sheet, which is drawn with `SAMPLES` samples per pixel.
+_SHEET_PIXEL = 80
 #: Each patch at rest: control points and labels.
 _PATCH = 300
 #: Each patch that moves, in addition: its rest shape, its tetrahedra and their weights.
@@ -37,8 +39,10 @@ _SURFACE_POINT = 2 * DRAWN_POINT
 _MESH_POINT = 300
 #: Each point of such triangles, in the frames that are compared, and in writers.
 _FRAME_POINT = 125
-#: Each crossing of a sheet: its colours in four textures.
-_CROSSING = 50
+#: Each crossing of a sheet: its drawdown.
+_CROSSING = 2
+#: Each texel of a sheet: its colours in four textures.
+_TEXEL = 50
 #: Each crossing in addition, if clearances are measured.
 _MEASURED_CROSSING = 150
 #: Each crossing in addition, if the state of its yarns is solved.
@@ -94,20 +98,23 @@ def supersampling(panel: str, shaded: bool, size: tuple[int, int]) -> tuple[int,
     return _BLOCK_SHADED, SAMPLES
 
 
-def pixel_bytes(scene: Scene, request: PictureRequest) -> int:
-    """Return the memory of windows and pictures, including the program's."""
+def pixel_bytes(scene: Scene, request: PictureRequest, sheet: bool = False) -> int:
+    """Return the memory of windows and pictures, of yarns or a sheet; including the program's."""
     view, panels = scene.view, panel_contents(scene, request.panels)
     shadows = (
         view.shadows
         and view.resolved_style.occlusion > 0.0
         and not COLORINGS[view.color].shows_numbers
     )
-    drawn = 0
+    found = _PROGRAM
     for panel, width in zip(panels, panel_widths(request.size[0], len(panels)), strict=True):
         size = width, request.size[1]
-        block, _ = supersampling(panel, shadows and panel != "cage", size)
-        drawn += block**2 * prod(size)
-    return _PROGRAM + _PIXEL * drawn
+        if sheet and panel == "fabric":
+            found += _SHEET_PIXEL * prod(size)
+        else:
+            block, _ = supersampling(panel, shadows and panel != "cage", size)
+            found += _PIXEL * block**2 * prod(size)
+    return found
 
 
 def yarn_bytes(scene: Scene, request: PictureRequest, patches: int, sides: int) -> int:
@@ -136,13 +143,14 @@ def frame_bytes(points: int) -> int:
     return _FRAME_POINT * points
 
 
-def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int) -> int:
-    """Return the memory of a picture of a sheet that replaces a scene's yarns."""
+def sheet_bytes(scene: Scene, request: PictureRequest, crossings: int, halvings: int) -> int:
+    """Return the memory of a picture of a sheet, whose textures are halved some times."""
     measured = scene.view.color == "clearance"
     solved = COLORINGS[scene.view.color].array in CrimpInterchange.provides
     solved |= measured and scene.stage("crimp") is not None
     each = _CROSSING + _MEASURED_CROSSING * measured + _SOLVED_CROSSING * solved
-    return pixel_bytes(scene, request) + crossings * each
+    texels = crossings // 4**halvings
+    return pixel_bytes(scene, request, sheet=True) + crossings * each + texels * _TEXEL
 
 
 def require_pixels(scene: Scene, request: PictureRequest) -> None:

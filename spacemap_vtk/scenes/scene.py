@@ -29,7 +29,7 @@ from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
 from spacemap_vtk.filters.object_source import ObjectSource
-from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator, bake_brightness
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.textile import Textile, Woven
 from spacemap_vtk.parameters import Parameterised
@@ -44,6 +44,7 @@ from spacemap_vtk.scenes.pipeline import (
 )
 from spacemap_vtk.scenes.settings import Animation, View
 from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.geometry.irregularity import Irregularity
 
 P = TypeVar("P", bound=Parameterised)
 
@@ -91,6 +92,8 @@ class Scene:
         self.warp, self.surface = self.part(BarycentricWarp), self.part(PatchTessellator)
         self.view, self.animation = self.part(View), self.part(Animation)
         self.title = file.stem if file else ""
+        #: Irregularity of the yarns that `data` returns; `irregular_data` sets it.
+        self.irregularity_of_data: Irregularity | None = None
         self._warnings: dict[str, None] = {}
         #: Sections and keys that `assign` has changed; errors about them must not name the file.
         self.assigned: set[tuple[str | None, str | None]] = set()
@@ -491,8 +494,11 @@ class Scene:
         InputError
             If the scene has no cage, or no draft that can be read.
         """
-        if kind in ("patches", "surface"):
-            return self.patches if kind == "patches" else self.polygons
+        look = self.irregularity_of_data
+        if kind == "patches":
+            return self.patches if look is None else self.surface.irregular(self.patches, look)
+        if kind == "surface":
+            return self.polygons if look is None else bake_brightness(self.polygons)
         if kind in ("cage", "draft"):
             return self.deformed_cage if kind == "cage" else self.draft
         return extensions.load("data", kind)(self)

@@ -170,8 +170,8 @@ class View(Parameterised):
     irregularity = Real(
         None,
         "How irregular woven yarns are drawn in position, width and brightness: 0 regular, 1 as "
-        "good yarns are. Figures, measurements and files are always those of regular yarns, and "
-        "so are colours with a scale.",
+        "good yarns are. Figures and measurements are always those of regular yarns, and so are "
+        "colours with a scale. Files have regular yarns unless an export asks for these.",
         minimum=0.0,
         maximum=2.0,
         automatic="1 in the style studio, 0 in the others",

@@ -31,7 +31,7 @@ for word in words:
     try:
         with contextlib.redirect_stdout(out):
             sys.__stdout__ = out
-            runpy.run_path(str(HERE / f"{name}.py"))
+            runpy.run_path(str(HERE / f"{name}.py"), run_name="__main__")
         reported[name] = out.getvalue()
     except BaseException:
         reported[name] = traceback.format_exc()

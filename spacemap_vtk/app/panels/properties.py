@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QWidget
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
+from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QSlider, QWidget
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.fields.basic_editors import FileEditor
@@ -31,8 +31,34 @@ from spacemap_vtk.scenes.pipeline import section_classes
 _LIMIT_SECONDS = 0.25
 #: Largest fraction of the time that these computations may take.
 _LIMIT_SHARE = 0.02
+#: Settings whose feasible intervals are kept: enough for undo and for a change of page.
+_KEPT_INTERVALS = 8
 #: Sections with more parameters get a search field.
 _SEARCH_FROM = 8
+
+
+class Page(QWidget):
+    """The form of one section; `Properties` makes it when it is first shown, and keeps it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: dict[str, ParameterRow] = {}
+        #: Groups of rows below a heading, and pairs of rows for warp and weft.
+        self.groups: dict[str, RowGroup] = {}
+        self.pairs: list[RowPair] = []
+        self.search = QLineEdit(placeholderText="Search parameters", clearButtonEnabled=True)
+        self.switch_on_button = QPushButton("Switch on")
+
+    def leave(self) -> None:
+        """End a drag and forget a text that has not been submitted, as the page is hidden."""
+        for slider in self.findChildren(QSlider):
+            slider.setSliderDown(False)  # it will never be told of the release
+        focused = self.focusWidget()
+        if focused is not None and focused.hasFocus():
+            with QSignalBlocker(focused):
+                focused.clearFocus()
+        self.search.clear()
+        self.hide()
 
 
 class Properties(QScrollArea):
@@ -52,23 +78,24 @@ class Properties(QScrollArea):
         self._document = document
         self.section = ""
         self._shown: tuple[str, Mapping[str, Any], dict[str, Any]] | None = None
-        self.rows: dict[str, ParameterRow] = {}
-        #: Groups of rows below a heading, and pairs of rows for warp and weft.
-        self.groups: dict[str, RowGroup] = {}
-        self.pairs: list[RowPair] = []
-        #: Section and title of each folded group.
-        self._folded: set[tuple[str, str]] = set()
-        self.search = QLineEdit()
+        self._page = Page()
+        #: The page of each section that has been shown.
+        self._pages: dict[str, Page] = {}
         #: Results of the last run about the parameters, by section and name; see `show_results`.
         self._results: dict[str, dict[str, Any]] = {}
         #: Values that the last run used for automatic parameters, by section and name.
         self._in_use: dict[str, Mapping[str, Any]] = {}
         self._next_limits = 0.0
-        #: Cache: settings, and their feasible intervals.
-        self._feasible: tuple[dict[str, Any], dict[str, tuple[float, float]]] = {}, {}
+        #: The last settings of which feasible intervals were computed, and these intervals.
+        self._feasible: deque[tuple[dict[str, Any], dict[str, tuple[float, float]]]] = deque(
+            maxlen=_KEPT_INTERVALS
+        )
         #: Name of the row that was edited last, or "" after another change.
         self._last_edited = ""
         self._limits_timer = single_shot(self, self._show_limits)
+        body = QWidget()
+        column(body, self._page)
+        self.setWidget(body)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         document.changed.connect(self.refresh)
@@ -76,47 +103,71 @@ class Properties(QScrollArea):
         document.replaced.connect(self.refresh)
 
     def show_section(self, section: str) -> None:
-        # A slider that is deleted during a drag never emits its release.
+        """Show the page of a section."""
         self.dragging.emit(False)
+        self._page.leave()
         self.section = section
-        self.rows, self.groups, self.pairs = {}, {}, []
         self._shown = None
         self._next_limits = 0.0
-        page = QWidget()
+        if section not in self._pages:
+            # To make a page takes some twenty times as long as to show it again.
+            self._pages[section] = self._make_page(section)
+            self.widget().layout().addWidget(self._pages[section])
+        self._page = self._pages[section]
+        self._page.show()
+        self.verticalScrollBar().setValue(0)
+        self.refresh()
+
+    def _make_page(self, section: str) -> Page:
+        page = Page()
         cls = section_classes()[section]
         about = note((cls.__doc__ or "").strip().splitlines()[0])
-        self.search = QLineEdit(placeholderText="Search parameters", clearButtonEnabled=True)
-        self.search.textChanged.connect(self._filter_rows)
-        self.switch_on_button = QPushButton("Switch on")
-        self.switch_on_button.clicked.connect(lambda: self.switched_on.emit(section))
-        parts: list[QWidget] = [about, self.switch_on_button]
+        page.search.textChanged.connect(self._filter_rows)
+        page.switch_on_button.clicked.connect(lambda: self.switched_on.emit(section))
+        parts: list[QWidget] = [about, page.switch_on_button]
         if len(cls.parameters) > _SEARCH_FROM:
-            parts.insert(1, self.search)
+            parts.insert(1, page.search)
         for name, parameter in cls.parameters.items():
-            if name in self.rows:
+            if name in page.rows:
                 continue  # the weft's row, which is already beside the warp's
-            if parameter.group and parameter.group not in self.groups:
-                self.groups[parameter.group] = group_widget = RowGroup(parameter.group)
+            if parameter.group and parameter.group not in page.groups:
+                page.groups[parameter.group] = group_widget = RowGroup(parameter.group)
                 parts.append(group_widget)
-            group = self.groups[parameter.group].rows if parameter.group else parts
+            group = page.groups[parameter.group].rows if parameter.group else parts
             partner = name.replace("warp_", "weft_", 1)
             if partner != name and partner in cls.parameters:
                 warp, weft = (
-                    self._make_row(parameter, "Warp"),
-                    self._make_row(cls.parameters[partner], "Weft"),
+                    self._make_row(page, parameter, "Warp"),
+                    self._make_row(page, cls.parameters[partner], "Weft"),
                 )
-                self.pairs.append(RowPair(warp, weft))
-                group.append(self.pairs[-1])
+                page.pairs.append(RowPair(warp, weft))
+                group.append(page.pairs[-1])
             else:
-                group.append(self._make_row(parameter))
-        for group_widget in self.groups.values():
-            group_widget.lay_out((section, group_widget.title) in self._folded)
-            group_widget.head.toggled.connect(
-                partial(self._set_folded, section, group_widget.title)
-            )
+                group.append(self._make_row(page, parameter))
+        for group_widget in page.groups.values():
+            group_widget.lay_out(folded=False)
         column(page, *parts, None, margins=(10, 6, 10, 10), spacing=4)
-        self.setWidget(page)
-        self.refresh()
+        return page
+
+    @property
+    def rows(self) -> dict[str, ParameterRow]:
+        """The rows of the shown page, by the names of their parameters."""
+        return self._page.rows
+
+    @property
+    def groups(self) -> dict[str, RowGroup]:
+        """The groups of rows of the shown page, by their titles."""
+        return self._page.groups
+
+    @property
+    def search(self) -> QLineEdit:
+        """The search field of the shown page."""
+        return self._page.search
+
+    @property
+    def switch_on_button(self) -> QPushButton:
+        """The button that switches the stage of the shown page on."""
+        return self._page.switch_on_button
 
     @property
     def _part(self) -> Parameterised:
@@ -131,7 +182,9 @@ class Properties(QScrollArea):
         name = row.parameter.name
         row.show_value(getattr(self._part, name), name not in self._scene_values)
 
-    def _make_row(self, parameter: Parameter[Any], half_label: str = "") -> ParameterRow:
+    def _make_row(
+        self, page: Page, parameter: Parameter[Any], half_label: str = ""
+    ) -> ParameterRow:
         # The editor of loads is made here, not by `make_editor`, because it contains rows.
         editor: Editor = (
             LoadsEditor(parameter) if isinstance(parameter, Loads) else make_editor(parameter)
@@ -142,11 +195,8 @@ class Properties(QScrollArea):
         row.edited.connect(self._set_value)
         row.dragging.connect(self.dragging)
         row.restored.connect(self._clear_refusal)
-        self.rows[parameter.name] = row
+        page.rows[parameter.name] = row
         return row
-
-    def _set_folded(self, section: str, title: str, open_: bool) -> None:
-        (self._folded.discard if open_ else self._folded.add)((section, title))
 
     def _filter_rows(self, text: str) -> None:
         """Show only the rows that match the search."""
@@ -156,7 +206,7 @@ class Properties(QScrollArea):
 
     def _hide_empty_groups(self) -> None:
         """Hide pairs and groups without visible rows."""
-        for pair in self.pairs:
+        for pair in self._page.pairs:
             pair.setVisible(not all(row.isHidden() for row in pair.rows))
         for group in self.groups.values():
             group.setVisible(not all(row.isHidden() for row in group.rows))
@@ -215,10 +265,7 @@ class Properties(QScrollArea):
 
     def _show_limits(self) -> None:
         begin, part = time.thread_time(), self._part
-        # Feasible intervals depend only on the settings, except that a draft file may have changed.
-        if part.settings != self._feasible[0] or getattr(part, "draft", None) is not None:
-            self._feasible = part.settings, feasible_intervals(part)
-        feasible, results = self._feasible[1], self._results.get(self.section, {})
+        feasible, results = self._feasible_of(part), self._results.get(self.section, {})
         values = {**automatic_values(part), **self._in_use.get(self.section, {}), **results}
         if part is self._document.scene.view:
             values |= {"size": picture_size(self._document.scene)}
@@ -236,6 +283,17 @@ class Properties(QScrollArea):
             )
         duration = time.thread_time() - begin
         self._next_limits = time.perf_counter() + max(_LIMIT_SECONDS, duration / _LIMIT_SHARE)
+
+    def _feasible_of(self, part: Parameterised) -> dict[str, tuple[float, float]]:
+        # They depend only on the settings, except that a draft file may have changed.
+        if getattr(part, "draft", None) is not None:
+            return feasible_intervals(part)
+        settings = part.settings
+        for known, intervals in self._feasible:
+            if known == settings:
+                return intervals
+        self._feasible.append((settings, feasible_intervals(part)))
+        return self._feasible[-1][1]
 
     def mark_error(self, error: SpacemapError, kind: str = "value") -> None:
         """Mark the field that an error names, if it is on this page."""

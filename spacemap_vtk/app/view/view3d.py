@@ -240,15 +240,20 @@ class View3D(QWidget):
 
     def _draw_shadows(self) -> None:
         """Draw contact shadows, as in exported pictures."""
-        self.render()  # reports a camera that has been moved since
+        if self.camera_view != self._last_drawn or self._was_moving:
+            self.render()  # reports a camera that has been moved since
         self._shadow_timer.stop()
         frame, strength = self.frame, self.scene_view.occlusion
         if frame is None or self._held or self.steering or strength == 0.0:
             return
+        had_shadows, was_shaded = self.scene_view.has_shadows, self.canvas.shade.is_on
         self.scene_view.include_shadows(True)
         # Cloth has the shadows in its colours.
         folds = frame.cloth is None and not self.scene_view.has_exposure
         self.canvas.shade.set_shadows(frame.relief, strength if folds else 0.0)
+        # Yarns look the same as before, and are not drawn again: it would take as long.
+        if self.canvas.shade.is_on != was_shaded or (frame.cloth is not None and not had_shadows):
+            self.render()
 
     def _prepare_drawing(self) -> None:
         self._place_signs()

@@ -34,6 +34,7 @@ from spacemap_vtk.io.registry import (
 )
 from spacemap_vtk.jobs import make_data_job, make_job
 from spacemap_vtk.scenes.flat_picture import picture_size
+from spacemap_vtk.scenes.irregular_data import YARN_DATA
 from spacemap_vtk.scenes.level_of_detail import choose_level
 from spacemap_vtk.scenes.memory_estimates import PictureRequest
 
@@ -67,6 +68,7 @@ class Exports(QObject):
         row(self.progress, self._label, self.bar, self.cancel_button, spacing=6)
         self.progress.hide()
         self._process: JobProcess | None = None
+        self._irregular = False
         #: Sentences about data that the file cannot store.
         self._losses: list[str] = []
 
@@ -80,6 +82,10 @@ class Exports(QObject):
         frames = name_filter("Numbered frames", writer_endings("frames"))
         filters = f"{name_filter('Films', endings)};;{frames}"
         self._export_picture("film", filters, endings[0])
+
+    def set_irregular(self, irregular: bool) -> None:
+        """Set whether data get irregular yarns, as pictures have, if the scene has such yarns."""
+        self._irregular = irregular
 
     def data(self) -> None:
         """Ask for a data file, and write what its format stores."""
@@ -120,7 +126,10 @@ class Exports(QObject):
             if not dialog.exec():
                 return
             times = dialog.times
-        self.start(kind, path, times=times)
+        fields: dict[str, Any] = {"times": times}
+        if self._irregular and kind in YARN_DATA:
+            fields["irregular"] = True
+        self.start(kind, path, **fields)
 
     def plan(self, ending: str, settings: Mapping[str, Any]) -> None:
         """Ask for a file, and write the weaver's plan."""

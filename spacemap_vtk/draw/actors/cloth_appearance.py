@@ -11,7 +11,9 @@ tile for each local weave.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import hashlib
+from dataclasses import fields, is_dataclass
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -77,6 +79,7 @@ class ClothAppearance:
         self._facets = [
             sample_surface(crop, YarnSelection(ends, picks), _PIXELS) for ends, picks in parts
         ]
+        self._sizes = [each.size for each in self._facets]
         ends, picks = (slice(each.start, min(each.stop, each.start + _TILTED)) for each in parts[0])
         self._tilted_facets = sample_surface(crop, YarnSelection(ends, picks), _TILTED_PIXELS)
         self._tilted_size, self._spacing = self._tilted_facets.size, self._tilted_facets.spacing
@@ -129,6 +132,7 @@ class ClothAppearance:
             self._tables[tilted] = AppearanceTables(
                 np.stack(views).astype(np.float32), self._tiles()
             )
+            self._facets.clear()  # the views of both faces are kept
         return self._tables[tilted]
 
     def _visible(self, view: tuple[float, float, int]) -> list[VisibleSurface]:
@@ -184,7 +188,7 @@ class ClothAppearance:
         for side, view in enumerate(((0.0, 0.0, 1), (0.0, 0.0, -1))):
             for number, visible in enumerate(self._visible(view)):
                 cells = np.floor(visible.place).astype(int)
-                ends, picks = self._facets[number].size
+                ends, picks = self._sizes[number]
                 drawn = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
                 end, pick = np.clip(cells, 0, (ends - 1, picks - 1)).transpose(2, 0, 1)
                 drawn &= self._weights[number][pick, end] > 0.0
@@ -218,15 +222,43 @@ class ClothAppearance:
 
 #: Appearances of the cloths that exist.
 _APPEARANCES: WeakKeyDictionary[Cloth, ClothAppearance] = WeakKeyDictionary()
+#: Digest and appearance of the cloth that was measured last. They outlive the cloth, because one
+#: with other colours usually comes next.
+_LAST: dict[bytes, ClothAppearance] = {}
+#: Fields of cloths and threads that the appearance does not depend on.
+_IGNORED = {"colors", "size", "density", "warnings", "cure", "names"}
 #: Largest number of crossings of a cloth whose local weaves are all numbered.
 _NUMBERED = 4_000_000
 
 
 def appearance_of(cloth: Cloth) -> ClothAppearance:
-    """Return the appearance of a cloth, which is measured once."""
+    """Return the appearance of a cloth, which is measured once, whatever its colours."""
     if cloth not in _APPEARANCES:
-        _APPEARANCES[cloth] = ClothAppearance(cloth)
+        digest = _compute_digest(cloth)
+        if digest not in _LAST:
+            _LAST.clear()
+            _LAST[digest] = ClothAppearance(cloth)
+        _APPEARANCES[cloth] = _LAST[digest]
     return _APPEARANCES[cloth]
+
+
+def _compute_digest(cloth: Cloth) -> bytes:
+    """Compute a digest of the shape of a cloth's yarns."""
+    digest = hashlib.sha256()
+
+    def update(value: Any) -> None:
+        if is_dataclass(value):
+            for each in fields(value):
+                if each.name not in _IGNORED:
+                    update(getattr(value, each.name))
+        elif isinstance(value, np.ndarray):
+            digest.update(f"{value.dtype} {value.shape} ".encode())
+            digest.update(value.tobytes())
+        else:
+            digest.update(f"{value!r} ".encode())
+
+    update(cloth)
+    return digest.digest()
 
 
 def _middle_part(cloth: Cloth) -> Cloth:

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkTexture
 
@@ -40,6 +41,7 @@ from spacemap_vtk.draw.actors.cloth_appearance import (
     ClothAppearance,
     appearance_of,
 )
+from spacemap_vtk.draw.actors.color_values import COLOR_VALUES
 from spacemap_vtk.draw.actors.lighting import lighting_code
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
@@ -50,9 +52,9 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
-from spacemap_vtk.ndarrays import Bytes, Floats, Ints
+from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.level_of_detail import LONGEST_ROW
+from spacemap_vtk.scenes.level_of_detail import texture_halvings
 from spacemap_vtk.scenes.styles import Style
 from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -74,6 +76,12 @@ _REFLECTED = 0.7
 _MOST_TILE_TEXELS = 4.5
 #: Yarns wider than this number of pixels are drawn by their tiles.
 _TILED = 1.3
+#: Numbers of cells along each side of a simplified sheet. The least is enough for the eye's
+#: direction, which differs from cell to cell by a degree.
+_FEW_CELLS = (24, 48, 96)
+#: Largest error of a simplified sheet's unit vectors, and of its numbers as a share of their range.
+_TURNED = 0.02
+_NUMBER_ERROR = 0.002
 
 _VERTEX_DECLARATIONS = """
 //VTK::TCoord::Dec
@@ -429,7 +437,7 @@ class SheetActor(SurfaceActor):
             return
         self._shown, self._crossings = state, crossings
         fragment = self.GetShaderProperty().GetFragmentCustomUniforms()
-        halvings = _halving_count(max(cloth.size))
+        halvings = texture_halvings(cloth.size)
         fragment.SetUniform2f("crossings", [count / 2**halvings for count in cloth.size])
         fragment.SetUniformi("averaged", halvings > 0)
         if crossings is None:
@@ -564,7 +572,7 @@ def coarsen_sheet(
     """Return a sheet with at most `max_cells` cells along each side, without those in a hole."""
     # Fewer vertices mean less work, because the sheet is lit at its vertices. The hole is given in
     # columns and rows of the original cells.
-    lines = [np.linspace(0, n, min(n, max_cells) + 1).astype(np.int64) for n in cells]
+    lines = [_chosen_lines(n, max_cells) for n in cells]
     chosen = (lines[1][:, None] * (cells[0] + 1) + lines[0]).ravel()
     polygons = quadrilaterals(len(lines[0]) - 1, len(lines[1]) - 1)
     if hole is not None:
@@ -578,6 +586,46 @@ def coarsen_sheet(
     coarse.SetPolys(to_cells(polygons))
     copy_rows(sheet.GetPointData(), coarse.GetPointData(), chosen)
     return coarse
+
+
+def simplify_sheet(sheet: vtkPolyData, cells: tuple[int, int], tolerance: float) -> vtkPolyData:
+    """Return a sheet with fewer cells that looks the same; `sheet` itself if it bends too much."""
+    # Positions differ by at most `tolerance`, in m. OpenGL shades pixels in blocks, so that cells
+    # of few pixels take several times as long.
+    data, shape = sheet.GetPointData(), (cells[1] + 1, cells[0] + 1, -1)
+    columns = [points_of(sheet).reshape(shape) / tolerance]
+    for name in ("warp", "weft"):
+        along = vtk_to_numpy(data.GetArray(name)).reshape(shape)
+        length = np.linalg.norm(along, axis=-1, keepdims=True)
+        columns.append(along / np.maximum(length, 1e-30) / _TURNED)
+    if (numbers := data.GetArray(COLOR_VALUES)) is not None:
+        values = vtk_to_numpy(numbers).reshape(shape)
+        columns.append(values / max(float(np.ptp(values)) * _NUMBER_ERROR, 1e-30))
+    exact = np.concatenate(columns, axis=-1)
+    for count in _FEW_CELLS:
+        if count >= max(cells):
+            break
+        lines = [_chosen_lines(n, count) for n in cells]
+        kept = exact[np.ix_(lines[1], lines[0])]
+        rebuilt = _interpolate(_interpolate(kept, lines[1], 0), lines[0], 1)
+        if np.abs(rebuilt - exact).max() <= 1.0:
+            return coarsen_sheet(sheet, cells, count)
+    return sheet
+
+
+def _interpolate(values: AnyFloats, lines: Ints, axis: int) -> AnyFloats:
+    """Return values at all lines of a sheet from those at some lines."""
+    every = np.arange(lines[-1] + 1)
+    before = np.clip(np.searchsorted(lines, every, side="right") - 1, 0, len(lines) - 2)
+    share = (every - lines[before]) / (lines[before + 1] - lines[before])
+    share = share.reshape([-1 if k == axis else 1 for k in range(values.ndim)])
+    low, high = values.take(before, axis), values.take(before + 1, axis)
+    return np.asarray(low + share * (high - low))
+
+
+def _chosen_lines(cells: int, most: int) -> Ints:
+    """Return the lines between cells that remain if there are at most `most` cells."""
+    return np.linspace(0, cells, min(cells, most) + 1).astype(np.int64)
 
 
 def quadrilaterals(columns: int, rows: int) -> Ints:
@@ -640,24 +688,21 @@ def _pad(pixels: Bytes, levels: int) -> Bytes:
     return np.pad(pixels, (*more, (0, 0)))
 
 
-def _halving_count(count: int) -> int:
-    """Return how often `count` texels must be halved until they fit into an OpenGL texture."""
-    return max(0, (count - 1).bit_length() - LONGEST_ROW.bit_length() + 1)
-
-
 def _halve(pixels: Bytes) -> Bytes:
     """Return the means of blocks of 2 x 2 texels, computed in linear light."""
     even = _pad(pixels, 1)
     share = np.arange(256, dtype=np.float32) / 255
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    # A twentieth of a code, where codes are closest to each other.
+    fine = np.linspace(0.0, 1.0, 2**16)
+    codes = np.where(fine <= 0.0031308, 12.92 * fine, 1.055 * fine ** (1 / 2.4) - 0.055)
+    encoded, plain = (np.rint(255 * each).astype(np.uint8) for each in (codes, fine))
     halved = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
     for channel in range(4):
         table = share if channel == 3 else light
         parts = [table[even[row::2, column::2, channel]] for row in (0, 1) for column in (0, 1)]
-        mean = 0.25 * sum(parts)
-        if channel < 3:
-            mean = np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
-        halved[..., channel] = np.rint(255 * mean)
+        place = (sum(parts) * np.float32(0.25 * 65535) + np.float32(0.5)).astype(np.uint16)
+        halved[..., channel] = (plain if channel == 3 else encoded)[place]
     return halved
 
 

@@ -61,7 +61,7 @@ class YarnRecorder:
         if self._weave is None:
             return
         if self._strands == "yarns":
-            controls = points_of(self._scene.patches)
+            controls = points_of(self._scene.data("patches"))
             points = np.concatenate([tubes.ring_centres(controls) for tubes in self._weave.tubes])
         else:
             count = int(self._strands) if self._strands.isdecimal() else None
@@ -76,7 +76,7 @@ class YarnRecorder:
     def strands(self, fibres: int | None, is_visible: PointFilter | None = None) -> StrandCurves:
         """Return the deformed plies (0), or a number of fibres of each yarn (None: all)."""
         assert self._weave is not None
-        patches, cloth = self._scene.patches, self._cloth
+        patches, cloth = self._scene.data("patches"), self._cloth
         rational = patches.GetPointData().GetRationalWeights()
         weights = None if rational is None else vtk_to_numpy(rational)
         fibres = fibre_count(cloth) if fibres is None else fibres

@@ -601,7 +601,8 @@ def _line_and_dot_shapes(
         ends = [screen[begin] - offset, screen[begin] + offset, screen[end] + offset]
         screen_corners = np.concatenate([*ends, screen[end] - offset])
         four = np.arange(4)[:, None] * len(begin) + np.arange(len(begin))
-        corners = np.concatenate([four[[0, 1, 2]].T, four[[0, 2, 3]].T])
+        # In C order, as of other shapes: the loops would be compiled once more for another order.
+        corners = np.ascontiguousarray(np.concatenate([four[[0, 1, 2]].T, four[[0, 2, 3]].T]))
         which = np.concatenate([begin, begin, end, end])
         hue = np.tile(colors[cell], (4, 1)) if of_cells else colors[which]
         yield _Shape(points[which], corners, hue, _unlit(), screen=screen_corners)

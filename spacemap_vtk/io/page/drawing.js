@@ -185,17 +185,42 @@ void main() {
   pixel = vec4(color.rgb + back * (1.0 - color.a) + (noise - 0.5) / 255.0, 1.0);
 }`;
 
+// Pictures that are shifted by parts of a pixel are added in linear light. Their mean has no moiré,
+// however thin the yarns are.
+const ADD = `#version 300 es
+precision highp float; precision highp sampler2D;
+uniform sampler2D shot, total;
+uniform bool first;
+out vec4 sum;
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  sum = vec4(pow(texelFetch(shot, at, 0).rgb, vec3(2.2)), 1);
+  if (!first) sum += texelFetch(total, at, 0);
+}`;
+
+const MEAN = `#version 300 es
+precision highp float; precision highp sampler2D;
+uniform sampler2D total;
+out vec4 pixel;
+void main() {
+  vec4 sum = texelFetch(total, ivec2(gl_FragCoord.xy), 0);
+  pixel = vec4(pow(sum.rgb / sum.a, vec3(1.0 / 2.2)), 1);
+}`;
+
 /** Draws the arrays of a page; a new one is made after the browser has lost its WebGL context. */
 class Drawing {
   constructor(canvas, content, arrays) {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error("webgl2");
     Object.assign(this, { gl, content, arrays, count: arrays.points.length / 3 });
-    this.shades = content.sight.shadows && gl.getExtension("EXT_color_buffer_float") !== null;
+    this.adds = gl.getExtension("EXT_color_buffer_float") !== null;
+    this.shades = content.sight.shadows && this.adds;
     this.surface = this.program(VERTEX, FRAGMENT, ["at"]);
     this.coarser = this.program(WHOLE, COARSER);
     this.blur = this.program(WHOLE, BLUR);
     this.compose = this.program(WHOLE, COMPOSE);
+    this.add = this.program(WHOLE, ADD);
+    this.mean = this.program(WHOLE, MEAN);
     this.none = gl.createVertexArray();
     this.fill();
   }
@@ -381,11 +406,24 @@ class Drawing {
       });
     };
     this.kept = {};
+    this.sums = null;
+    /** A picture of the canvas' size, and two sums of such pictures: one is read, one is written. */
+    this.makeSums = () => {
+      const { canvas } = gl, own = [canvas.width, canvas.height];
+      this.sums ??= [gl.RGBA8, gl.RGBA32F, gl.RGBA32F].map((kind) => {
+        const found = {};
+        found.frame = target(() => { found.image = plain(kind, image, ...own); });
+        return found;
+      });
+    };
     this.drop = () => made.forEach((each) => each());
   }
 
-  /** Draw for a camera with `eye`, `lens`, `flat`, `range` and the pixels of a fold. */
-  draw(camera, below, above) {
+  /**
+   * Draw for a camera with `eye`, `lens`, `flat`, `range` and the pixels of a fold. With a number
+   * `shift`, show the mean of this many shifted pictures and of this one.
+   */
+  draw(camera, below, above, shift = null) {
     const gl = this.gl, [width, height] = this.size;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.sampled);
     gl.viewport(0, 0, width, height);
@@ -404,7 +442,8 @@ class Drawing {
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, both, gl.NEAREST);
     gl.bindVertexArray(this.none);
     const shades = this.shades ? [0.35, 1.0].map((radius, i) => this.surroundings(i, radius * this.fine * camera.fold, camera)) : [];
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    if (shift !== null) this.makeSums();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, shift === null ? null : this.sums[0].frame);
     gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
     const pass = this.pass(this.compose, { drawn: this.drawn, depth: this.depth, near: shades[0]?.image ?? this.drawn, wide: shades[1]?.image ?? this.drawn }, camera);
     gl.uniform1i(pass.shaded, shades.length);
@@ -415,6 +454,19 @@ class Drawing {
     gl.uniform3fv(pass.below, below);
     gl.uniform3fv(pass.above, above);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
+    if (shift !== null) this.addShot(shift, camera);
+  }
+
+  /** Add the picture to the sum of those before it, and show their mean. */
+  addShot(number, camera) {
+    const gl = this.gl, [shot, before, after] = this.sums;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, after.frame);
+    gl.uniform1i(this.pass(this.add, { shot: shot.image, total: before.image }, camera).first, number === 0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    this.pass(this.mean, { total: after.image }, camera);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    this.sums = [shot, after, before];
   }
 
   /** Return the mean depth around each pixel at lower resolution, which is enough when blurred. */

@@ -30,7 +30,7 @@ from spacemap_vtk.textile.geometry.cloth_axes import (
 )
 from spacemap_vtk.textile.geometry.section import Cap, Section, build_cap, build_section
 from spacemap_vtk.textile.geometry.sweep import Tubes, fill_cap_points, swell_section
-from spacemap_vtk.textile.geometry.swelling import float_widening, ring_shares
+from spacemap_vtk.textile.geometry.swelling import float_growth, float_widening, ring_shares
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 
@@ -251,7 +251,8 @@ class CrimpGeometry:
         gaps = woven_gaps(cloth, number, some)
         plan = plan_parts(gaps, cloth.exact)
         floats = swelling_floats(cloth, number, some)
-        path = build_axes(0.5 * own.diameter, own.position, gaps, cloth.exact, plan, floats)
+        growth = float_growth(cloth, number)
+        path = build_axes(0.5 * own.diameter, own.position, gaps, cloth.exact, plan, floats, growth)
         count = (2 * plan.pieces + plan.straight).ravel()
         station = np.arange(len(path.length)) + path.owner
         middle = 0.5 * (path.along[station] + path.along[station + 1])

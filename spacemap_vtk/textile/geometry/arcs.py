@@ -30,7 +30,12 @@ from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.geometry.axis_parts import Axes
-from spacemap_vtk.textile.geometry.swelling import share_along_floats
+from spacemap_vtk.textile.geometry.swelling import (
+    USUAL_GROWTH,
+    Growth,
+    measure_float_ends,
+    share_along_floats,
+)
 from spacemap_vtk.textile.patches.bezier import rational_handles
 from spacemap_vtk.textile.weave.peirce import Crimp, solve
 from spacemap_vtk.textile.weave.threads import Yarns
@@ -173,6 +178,7 @@ def build_axes(
     exact: bool = False,
     plan: PartPlan | None = None,
     floats: Bools | None = None,
+    growth: Growth = USUAL_GROWTH,
 ) -> Axes:
     """Cut axes into parts; with a plan the number of parts does not depend on the heights."""
     # `floats`: whether yarns lie over those that they cross, (yarns, crossings), if floats swell.
@@ -230,9 +236,12 @@ def build_axes(
     swelling = None
     if floats is not None:
         swelling = np.zeros((2, len(start) + len(last)))
-        reach_along = begin * np.sin(crimp.theta), end * np.sin(crimp.theta)
-        inner = slice(1, -1)
-        share = share_along_floats(floats, spacing[:, inner], *(r[:, inner] for r in reach_along))
+        inner = np.s_[:, 1:-1]
+        one, other = begin[inner], end[inner]
+        shape = straight[inner], crimp.theta[inner], 2.0 * radius[:, None], growth.rise
+        before = measure_float_ends(one, other, *shape)
+        after = measure_float_ends(other, one, *shape)
+        share = share_along_floats(floats, spacing[inner], before, after, growth.short)
         at_bounds = np.stack(
             [np.pad(share[0], ((0, 0), (1, 1)), mode="edge"), np.pad(share[1], ((0, 0), (1, 1)))]
         )

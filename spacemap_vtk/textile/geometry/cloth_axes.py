@@ -11,6 +11,7 @@ from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.geometry.arcs import Gaps, build_axes, build_gaps
 from spacemap_vtk.textile.geometry.axis_parts import Axes, sample_places
 from spacemap_vtk.textile.geometry.spline import build_spline_axes
+from spacemap_vtk.textile.geometry.swelling import float_growth
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import YarnIndices
 
@@ -46,6 +47,7 @@ def family_axes(cloth: Cloth, number: int, some: YarnIndices) -> Axes:
         woven_gaps(cloth, number, some),
         cloth.exact,
         floats=swelling_floats(cloth, number, some),
+        growth=float_growth(cloth, number),
     )
 
 

@@ -1,8 +1,8 @@
-"""Slight irregularity of yarns in pictures: of their position, width and brightness.
+"""Slight irregularity of drawn yarns: of their position, width and brightness.
 
 It varies smoothly along each yarn, over a few crossings. It depends only on the seed, the number of
 the yarn in the whole cloth, and the position along it. So all pieces, levels of detail and times
-show the same yarn. It belongs to drawing; geometry, figures and files do not have it.
+show the same yarn. Figures and measurements do not have it, and files only on request.
 """
 
 from __future__ import annotations

@@ -6,13 +6,30 @@ that neighbouring floats close up. On that circle nothing overlaps (see
 `spacemap_vtk.textile.weave.lens`), as long as the yarns are no wider than their spacing. A pattern
 weft is wider: it covers the tabby beside it (`spacemap_vtk.textile.weave.pattern_sections`).
 
-Swelling is described by a share s from 0 (a lens) to 1. It rises along the arc that leads into a
-float, is 1 in the middle of the float, and is negative where the outer side is below.
+Swelling is described by a share s from 0 (a lens) to 1. It is 0 where the arc begins that leads
+into a float, and 1 in the middle of the float; it is negative where the outer side is below.
+
+On that arc the outer side leaves the yarn that is crossed before the float, whose arc of contact
+has the radius R. Let s' be the length of the straight part before the arc, r the distance of the
+lens' outer side from the centre of the arc, phi the angle along it, and u how far the outer side
+has risen. It stays outside of that yarn if
+
+    (r sin phi + s')**2 + (R - u + r (1 - cos phi))**2 >= R**2
+
+for which it is enough that
+
+    u <= (r sin phi + s')**2 / (2 R) + r (1 - cos phi)                                      (1)
+
+At a fraction t of the arc's length along the cloth, the right side is at least t**2 times its value
+for sin phi = sin theta and 1 - cos phi = sin(theta)**2 / 2, theta being the angle of the whole arc.
+So a share of at most q t**2 never meets the other yarn, with a number q that depends on the shape
+of the gap alone.
 """
 
 from __future__ import annotations
 
 from math import asin, atan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,26 +51,68 @@ _ROUND = 0.8
 _CROWN = 0.4
 #: Half the largest width over the radius of the circle of contact; beyond, edges would be steep.
 _STEEPEST = 0.97
-#: Rise of the share s in the first half of a float of two crossings, over that in a longer one.
-_SHORT_FLOAT = 0.75
+#: How far full swelling moves the outer side at most, over the height of the lens.
+_FULL_RISE = 0.46
+
+
+class Growth(NamedTuple):
+    """How fast and how far floats swell."""
+
+    rise: float = 2.0
+    """Largest number q, see the top of this module."""
+    short: float = 1.0
+    """Largest share in floats of two crossings."""
+
+
+USUAL_GROWTH = Growth()
+#: Growth of floats that are drawn out over their tabby. They become much wider, so they need more
+#: length for it, and short ones have too little.
+_DRAWN_OUT = Growth(rise=0.7, short=0.5)
+
+
+def float_growth(cloth: Cloth, number: int) -> Growth:
+    """Return how fast and how far floats of ends (0) or picks (1) swell."""
+    return USUAL_GROWTH if cloth.threads[number].float_width is None else _DRAWN_OUT
+
+
+class FloatEnds(NamedTuple):
+    """Arcs at one end of each gap, (yarns, gaps), on which floats may begin to swell."""
+
+    length: Floats
+    """Length along the cloth, in metres."""
+    rise: Floats
+    """Largest share at a fraction t of that length, over t squared."""
+
+
+def measure_float_ends(
+    near: Floats, far: Floats, straight: Floats, theta: Floats, height: Floats, rise: float
+) -> FloatEnds:
+    """Measure the arcs into floats, and how soon floats may swell on them, by (1)."""
+    # `near` and `far` are the radii of the axis on this arc and on that at the other end of the
+    # gap, `straight` is the length of the straight part between them, `height` the lens' height,
+    # `rise` the largest q.
+    sine, outer, face = np.sin(theta), near + 0.5 * height, far - 0.5 * height
+    room = (outer * sine + straight) ** 2 / (2.0 * face) + 0.5 * outer * sine**2
+    return FloatEnds(near * sine, np.minimum(room / (_FULL_RISE * height), rise))
 
 
 def share_along_floats(
-    upper: Bools, spacing: Floats, before: Floats, after: Floats
+    upper: Bools, spacing: Floats, before: FloatEnds, after: FloatEnds, short: float = 1.0
 ) -> tuple[Floats, Floats]:
     """Compute the share of swelling at crossings."""
-    # `upper` (yarns, n) says whether yarns lie over those that they cross. `before` and `after`,
-    # (yarns, n - 1), are the lengths along the cloth of the arcs at the start and the end of each
-    # gap. The results are s and its derivative along the yarn, (yarns, n). A yarn that floats at
-    # its first or last crossing is fully swollen there, because the float may go on.
+    # `upper` (yarns, n) says whether yarns lie over those that they cross; `before` and `after`,
+    # (yarns, n - 1), are the arcs at the start and the end of each gap; `short` is the largest
+    # share in floats of two crossings. The results are s and its
+    # derivative along the yarn, (yarns, n). A yarn that floats at its first or last crossing is
+    # fully swollen there, because the float may go on.
     same = upper[:, 1:] == upper[:, :-1]
     spacing = np.broadcast_to(spacing, same.shape)
     goes_on = np.concatenate([same, same[:, -1:]], axis=1)
     came = np.concatenate([same[:, :1], same], axis=1)
     share = (goes_on & came).astype(np.float64)
     slope = np.zeros(upper.shape)
-    # A cubic without curvature at its start leads into a float; from there on, another one reaches
-    # 1 in the next crossing, or in the middle of a float of two crossings.
+    # A cubic with the control values 0, 0, q / 3 and s leads into a float; from there on, another
+    # one reaches 1 in the next crossing, or in the middle of a float of two crossings.
     for starts, gap, arc, way, beyond in (
         (goes_on[:, 1:] & ~came[:, 1:], spacing, after, 1.0, goes_on[:, 1:]),
         (came[:, :-1] & ~goes_on[:, :-1], spacing, before, -1.0, came[:, :-1]),
@@ -62,11 +121,13 @@ def share_along_floats(
         # The float's next gap, and whether the float goes on past it.
         following = np.roll(gap, -int(way), axis=1)
         long_ = np.roll(beyond, -int(way), axis=1)
-        part = np.where(long_, 1.0, _SHORT_FLOAT)
-        reach = np.where(starts, arc, 1.0)
-        value = 1.0 / (1.0 + part * following / reach)
-        share[:, inside] = np.where(starts, value, share[:, inside])
-        slope[:, inside] = np.where(starts, way * 3.0 * value / reach, slope[:, inside])
+        reach = np.where(starts, arc.length, 1.0)
+        rest = np.where(long_, 3.0, 4.0) * reach / following
+        value = np.minimum((arc.rise + rest) / (3.0 + rest), arc.rise)
+        grown = way * (3.0 * value - arc.rise) / reach
+        most = np.where(long_, 1.0, short)
+        share[:, inside] = np.where(starts, most * value, share[:, inside])
+        slope[:, inside] = np.where(starts, most * grown, slope[:, inside])
     sign = np.where(upper, 1.0, -1.0)
     return sign * share, sign * slope
 

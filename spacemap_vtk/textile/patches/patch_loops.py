@@ -174,7 +174,10 @@ def robust_normals(
                 local[patch, place, axis] = away
                 largest = max(largest, abs(away))
         if largest > 0.0:
-            local[patch] /= largest
+            # One by one: for a whole array, the compiler adds four seconds of error messages.
+            for place in range(size):
+                for axis in range(3):
+                    local[patch, place, axis] /= largest
     made, lengths = np.zeros((2, 3)), np.zeros(2)
     for sample in range(len(row)):
         net = local[column[sample]]

@@ -21,6 +21,9 @@ from spacemap_vtk.units import format_quantity
 THICKNESS_SHARE = 0.85
 #: Largest width of a flattened yarn as a share of its spacing, so that others can pass.
 WIDTH_SHARE = 0.9
+#: The same where two cloths change places: as the yarns become flatter in proportion to the room
+#: that is left beside them, wider ones would be tapes; these leave 4 % of the cloth open.
+LAYERED_WIDTH_SHARE = 0.8
 #: Least factor on the draft's thickness; smaller ones do not count as a solution.
 _LEAST = 1e-3
 
@@ -46,8 +49,10 @@ def scale_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
 
 def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     """Flatten a draft's yarns until they can interlace: the thickness becomes their width."""
+    changes = cloth.layers is not None and any(cloth.layers.has_changes)
+    filling = LAYERED_WIDTH_SHARE if changes else WIDTH_SHARE
     if is_feasible(cloth) or any(
-        _width_share(threads) < _LEAST
+        _width_share(threads, filling) < _LEAST
         for threads, mine in zip(cloth.threads, thick, strict=True)
         if mine
     ):
@@ -57,7 +62,7 @@ def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
         def flatten_family(threads: Threads) -> Threads:
             return replace(
                 threads,
-                diameter=height * _width(threads),
+                diameter=height * _width(threads, filling),
                 aspect=1.0 / height,
                 section="racetrack" if threads.section == "circular" else threads.section,
             )
@@ -68,7 +73,7 @@ def flatten_yarns(cloth: Cloth, thick: Thick) -> tuple[Cloth, str]:
     if limit is None:
         return cloth, ""
     flattened = flatten(THICKNESS_SHARE * limit)
-    widths = _format_lengths(thick, *(_width(threads) for threads in cloth.threads))
+    widths = _format_lengths(thick, *(_width(threads, filling) for threads in cloth.threads))
     return flattened, (
         f"{_describe_problem(cloth, thick)}; flattened to {widths} wide "
         f"and {_format_diameters(flattened, thick)} high, {THICKNESS_SHARE:.0%} of the "
@@ -84,16 +89,18 @@ def _replace_families(cloth: Cloth, thick: Thick, change: Callable[[Threads], Th
     return replace(cloth, warp=warp, weft=weft)
 
 
-def _width(threads: Threads) -> Lengths:
+def _width(threads: Threads, filling: float) -> Lengths:
     """Compute the width of a flattened yarn: its thickness, if others can pass beside it."""
-    return np.asarray(_width_share(threads) * threads.aspect * np.asarray(threads.diameter))
+    return np.asarray(
+        _width_share(threads, filling) * threads.aspect * np.asarray(threads.diameter)
+    )
 
 
-def _width_share(threads: Threads) -> float:
+def _width_share(threads: Threads, filling: float) -> float:
     """Compute the share of its thickness that a flattened yarn keeps as its width."""
     thickness = threads.aspect * np.asarray(threads.diameter)
     room = np.asarray(threads.spacing) / neighbour_means(thickness)
-    return min(1.0, WIDTH_SHARE * float(np.min(room)))
+    return min(1.0, filling * float(np.min(room)))
 
 
 def is_feasible(cloth: Cloth) -> bool:
