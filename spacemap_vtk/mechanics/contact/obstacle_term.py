@@ -10,9 +10,12 @@ This is 10.5 times the stiffness D (π/cell)⁴ of the shortest wave of the mesh
 solid resists its shortest wave with E/(1 - ν²) π/(2 cell); 10.5 times this is about
 16 E/(1 - ν²)/cell, of which the mean Young's modulus is taken without ν.
 
-Friction is Coulomb's. Each sample has an anchor: a spring of the same stiffness k A holds it there
-up to μ times the normal force of the state before, beyond which the friction is constant. As the
-limit is given, friction has a potential, too; the state is found by repeating with new limits.
+Friction is Coulomb's. Each sample has an anchor a, and the friction that holds it is k A (x - a)
+along the surface, projected onto the disc of radius μ n with the normal force n. Anchors follow
+only from one balanced state to the next (`advance_friction`); a sample is anchored at the end of
+the step in which it first touches. With the normal force of the current state the tangent of
+sliding is unsymmetric; with given limits friction has a potential, and a state can be found as the
+least of an energy.
 """
 
 from __future__ import annotations
@@ -72,7 +75,9 @@ class Friction(NamedTuple):
     normals: Floats
     """(E, m, 3), normal of the obstacle at each sample; friction acts across it."""
     limits: Floats
-    """(E, m), largest friction [N]."""
+    """(E, m), largest friction [N], unless it follows the normal force."""
+    follows: bool = False
+    """Whether the largest friction is μ times the normal force of the current state."""
     is_settled: bool = False
     """Whether friction of sliding samples is a constant force, as in vibrations about a state."""
 
@@ -179,7 +184,7 @@ class ObstacleTerm(EnergyTerm):
         given = anchors.reshape(*self.samples.areas.shape, 3)
         limits = np.zeros(self.samples.areas.shape)
         term = self.replace(friction=Friction(given, np.zeros_like(given), limits))
-        renewed = renew_friction(term, positions)
+        renewed = advance_friction(term, positions)
         assert renewed.friction is not None
         return renewed.replace(friction=renewed.friction._replace(is_settled=True))
 
@@ -193,6 +198,11 @@ class ObstacleTerm(EnergyTerm):
     def evaluate(self, positions: Floats) -> ObstacleState:
         """Evaluate gaps and forces."""
         return ObstacleState(self, positions)
+
+    @property
+    def conservative(self) -> bool:  # type: ignore[override]
+        """Whether friction has a potential, as its limits are given."""
+        return self.friction is None or not self.friction.follows
 
     def energy(self, positions: Floats) -> float:
         """Compute the energy of springs and friction [J]."""
@@ -271,11 +281,20 @@ class ObstacleState(TermState):
         moved = np.nan_to_num(self._points[part] - friction.anchors[part])
         moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
         length = np.linalg.norm(moved, axis=2)
-        limit = friction.limits[part]
+        limit = self._limit
         slides = self._springs * length > limit
         secant = np.where(slides, limit / np.where(slides, length, 1.0), self._springs)
         secant[np.isnan(friction.anchors[part, :, 0])] = 0.0
         return moved, length, secant
+
+    @property
+    def _limit(self) -> Floats:
+        """Largest friction at the samples of the touching elements [N], (e, m)."""
+        friction = self._obstacle.friction
+        assert friction is not None
+        if friction.follows:
+            return self._obstacle.coefficient * self.press
+        return friction.limits[self.elements]
 
     @cached_property
     def energy(self) -> float:
@@ -334,13 +353,19 @@ class ObstacleState(TermState):
         moved, length, secant = self._slip
         slides = secant < self._springs
         if friction.is_settled:
-            slides = secant * length >= _SLIDES * friction.limits[self.elements]
+            slides = secant * length >= _SLIDES * self._limit
             secant = np.where(slides, 0.0, secant)
         normals = friction.normals[self.elements]
         across = np.eye(3) - normals[..., :, None] * normals[..., None, :]
         way = moved / np.where(length > 0, length, 1.0)[..., None]
         along = slides[..., None, None] * way[..., :, None] * way[..., None, :]
-        return np.asarray(secant[..., None, None] * (across - along))
+        result = secant[..., None, None] * (across - along)
+        if friction.follows:
+            anchored = ~np.isnan(friction.anchors[self.elements, :, 0])
+            grip = self._obstacle.coefficient * self._springs * (slides & anchored & self._inside)
+            # The normal force grows against the gradient of the distance.
+            result -= grip[..., None, None] * way[..., :, None] * self._distance[0][..., None, :]
+        return np.asarray(result)
 
     def report(self) -> Contact:
         """Summarise the contact."""
@@ -348,38 +373,53 @@ class ObstacleState(TermState):
         sliding = touching
         if self._slip is not None and self._obstacle.friction is not None:
             _, length, secant = self._slip
-            limit = self._obstacle.friction.limits[self.elements]
-            sliding -= int((self._inside & (secant * length < _SLIDES * limit)).sum())
+            sticks = secant * length < _SLIDES * self._limit
+            sliding -= int((self._inside & sticks).sum())
         # What holds the cage is the negative of the force that pushes it away.
         force = self.sample_forces.sum(axis=(0, 1))
         return Contact(force, touching, float(self.depth.max(initial=0.0)), sliding)
 
 
-def renew_friction(term: ObstacleTerm, positions: Floats, slide: bool = True) -> ObstacleTerm:
-    """Renew limits of friction and anchor new contacts; let anchors of sliding samples follow."""
+def follow_friction(term: ObstacleTerm, positions: Floats, follows: bool = True) -> ObstacleTerm:
+    """Renew the normals and limits of friction within a step; anchors stay."""
+    if term.friction is None:
+        return term
+    _, _, normals, limits = _press(term, positions)
+    return term.replace(friction=Friction(term.friction.anchors, normals, limits, follows))
+
+
+def advance_friction(term: ObstacleTerm, positions: Floats) -> ObstacleTerm:
+    """End a step: anchors follow samples that slide, and new contacts are anchored."""
     if term.coefficient == 0.0:
         return term
+    where, touches, normals, limits = _press(term, positions)
+    springs = term.stiffness * term.samples.areas
+    before = np.nan if term.friction is None else term.friction.anchors
+    moved = np.nan_to_num(where - before)
+    moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
+    length = np.linalg.norm(moved, axis=2)
+    too_far = springs * length > limits
+    share = np.where(too_far, limits / (springs * np.where(too_far, length, 1.0)), 1.0)
+    anchors = where - share[..., None] * moved
+    anchors[~touches] = np.nan
+    return term.replace(friction=Friction(anchors, normals, limits))
+
+
+def stiffen(term: ObstacleTerm, stiffness: float, positions: Floats) -> ObstacleTerm:
+    """Change the stiffness of the springs; anchors move so that friction stays the same."""
+    if term.friction is not None:
+        where = term.samples.positions(positions)
+        anchors = where - term.stiffness / stiffness * (where - term.friction.anchors)
+        term = term.replace(friction=term.friction._replace(anchors=anchors))
+    return term.replace(stiffness=stiffness)
+
+
+def _press(term: ObstacleTerm, positions: Floats) -> tuple[Floats, Bools, Floats, Floats]:
+    """Return places (E, m, 3) of samples, whether they touch, normals, and limits of friction."""
     where = term.samples.positions(positions)
     shape = where.shape[:2]
     found = term.obstacle.distance(where.reshape(-1, 3))
     depth = np.maximum(term.offset - found.gap, 0.0).reshape(shape)
-    springs = term.stiffness * term.samples.areas
-    limits = term.coefficient * springs * depth
-    anchors = (
-        np.full(where.shape, np.nan) if term.friction is None else term.friction.anchors.copy()
-    )
     normals = found.gradient / np.linalg.norm(found.gradient, axis=1, keepdims=True)
-    normals = normals.reshape(where.shape)
-    touches: Bools = depth > 0
-    if slide:
-        moved = np.nan_to_num(where - anchors)
-        moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
-        length = np.linalg.norm(moved, axis=2)
-        too_far = springs * length > limits
-        share = np.where(too_far, limits / (springs * np.where(too_far, length, 1.0)), 1.0)
-        anchors = where - share[..., None] * moved
-    else:
-        new = touches & np.isnan(anchors[..., 0])
-        anchors[new] = where[new]
-    anchors[~touches] = np.nan
-    return term.replace(friction=Friction(anchors, normals, limits))
+    limits = term.coefficient * term.stiffness * term.samples.areas * depth
+    return where, depth > 0, normals.reshape(where.shape), limits

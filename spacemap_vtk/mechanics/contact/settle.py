@@ -15,7 +15,12 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, renew_friction
+from spacemap_vtk.mechanics.contact.obstacle_term import (
+    ObstacleTerm,
+    advance_friction,
+    follow_friction,
+    stiffen,
+)
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm
 from spacemap_vtk.mechanics.equilibrium.newton import MAX_RESIDUAL, MAX_UNRESISTED, load_in_shares
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
@@ -30,7 +35,8 @@ SOFTEST, MAX_DEPTH, MAX_SINKING = 1e-3, 0.02, 0.002
 _FREE_STEP = 0.05
 
 #: Largest number of searches for a state with given limits of friction, and of Newton steps after
-#: each in which the limits follow; steps end if this many in a row do not come nearer to balance.
+#: each in which the limits follow; these end if more than the third number of steps in a row do not
+#: come nearer to balance.
 _MAX_REPEATS, _MAX_BALANCING, _PATIENCE = 20, 40, 4
 
 #: A cage falls past its obstacles if it does not meet them within this multiple of all sizes.
@@ -85,26 +91,13 @@ def settle(
         current = _soften(given, decades[0])
         if guess is None and basis.shape[0] == basis.shape[1] and total > 0.0:
             z = fall(current, z, forces[translate].sum(axis=0), translate, size)
-        current = [renew_friction(t, z) if t.friction is None else t for t in current]
+        current = [advance_friction(t, z) if t.friction is None else t for t in current]
         for share in decades:
             current = [
-                term.replace(stiffness=share * whole.stiffness)
+                stiffen(term, share * whole.stiffness, z)
                 for term, whole in zip(current, given, strict=True)
             ]
-            for _ in range(_MAX_REPEATS):
-                system.terms = [*loads, *terms, *current]
-                z = load_in_shares(system, len(loads), z, steps, rests=False).positions
-                z, current, balanced = _balance_friction(system, z, current, load)
-                if balanced:
-                    break
-            else:
-                raise SolverError(
-                    "no balance with friction was found: samples keep changing between sticking "
-                    "and sliding",
-                    key="obstacles",
-                    cure="Lower friction, or use other cells",
-                )
-            current = [renew_friction(term, z) for term in current]
+            z, current = _find_balance(system, len(loads), z, current, load, steps)
     if progress is not None:
         progress(1.0)
     return Settled(z, current, system.steps)
@@ -165,30 +158,65 @@ def _soften(contacts: Sequence[ObstacleTerm], share: float) -> list[ObstacleTerm
     return [term.replace(stiffness=share * term.stiffness) for term in contacts]
 
 
-def _balance_friction(
-    system: ReducedSystem, z: Floats, contacts: list[ObstacleTerm], load: Floats
-) -> tuple[Floats, list[ObstacleTerm], bool]:
-    """Make Newton steps with limits of friction that follow the normal forces."""
-    # Return positions, terms, and whether forces are in balance then.
-    if all(term.coefficient == 0.0 for term in contacts):
-        return z, contacts, True
+def _find_balance(
+    system: ReducedSystem,
+    loads: int,
+    z: Floats,
+    contacts: list[ObstacleTerm],
+    load: Floats,
+    steps: int,
+) -> tuple[Floats, list[ObstacleTerm]]:
+    """Find a state of balance with Coulomb friction, and end the step in it."""
+    # With given limits of friction a state is the least of an energy, from which Newton's method
+    # goes on with limits that follow the normal forces. If it fails, the limits are renewed once.
     others = system.terms[: -len(contacts)]
+    if all(term.coefficient == 0.0 for term in contacts):
+        system.terms = [*others, *contacts]
+        return load_in_shares(system, loads, z, steps, rests=False).positions, contacts
+    for _ in range(_MAX_REPEATS):
+        system.terms = [*others, *contacts]
+        try:
+            z = load_in_shares(system, loads, z, steps, rests=False).positions
+        except SolverError as error:
+            raise SolverError(
+                "no equilibrium with friction was found: the cage may slide off its obstacles",
+                key="obstacles",
+                cure="Raise friction, fix a part of the cage, or lower the load",
+            ) from error
+        found = _follow_limits(system, others, z, contacts, load)
+        if found is not None:
+            return found, [advance_friction(term, found) for term in contacts]
+        contacts = [follow_friction(term, z, follows=False) for term in contacts]
+    raise SolverError(
+        "no balance with friction was found: samples keep changing between sticking and sliding",
+        key="obstacles",
+        cure="Lower friction, or use other cells",
+    )
+
+
+def _follow_limits(
+    system: ReducedSystem,
+    others: list[EnergyTerm],
+    z: Floats,
+    contacts: list[ObstacleTerm],
+    load: Floats,
+) -> Floats | None:
+    """Balance forces with limits of friction that follow the normal forces; None if that fails."""
     best, since = np.inf, 0
     for _ in range(_MAX_BALANCING):
-        contacts = [renew_friction(term, z, slide=False) for term in contacts]
-        system.terms = [*others, *contacts]
+        system.terms = [*others, *(follow_friction(term, z) for term in contacts)]
         states = system.evaluate(z)
         force = system.forces(states)
         left = float(np.linalg.norm(force) / np.linalg.norm(load))
         if left <= MAX_RESIDUAL:
-            return z, contacts, True
+            return z
         best, since = (left, 0) if left < best else (best, since + 1)
-        if since > _PATIENCE:
+        if since > _PATIENCE or not np.isfinite(left):
             break
         try:
-            solve = system.factorise(system.tangent(states))
+            solve = system.factorise_unsymmetric(system.add_shift(system.tangent(states)))
         except SolverError:
             break
         move = system.node_moves(-solve(force))
         z = z + min(1.0, system.largest_step(z, move)) * move
-    return z, contacts, False
+    return None
