@@ -21,7 +21,7 @@ from spacemap_vtk.mechanics.contact.obstacle_term import (
     follow_friction,
     stiffen,
 )
-from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
 from spacemap_vtk.mechanics.equilibrium.newton import MAX_RESIDUAL, MAX_UNRESISTED, load_in_shares
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg import blas_threads
@@ -38,6 +38,13 @@ _FREE_STEP = 0.05
 #: each in which the limits follow; these end if more than the third number of steps in a row do not
 #: come nearer to balance.
 _MAX_REPEATS, _MAX_BALANCING, _PATIENCE = 20, 40, 4
+
+#: A step is halved, at most so many times, while it multiplies the unbalanced forces by more than
+#: the second number.
+_MAX_HALVINGS, _MAX_RISE = 6, 1.5
+
+#: Unbalanced forces of at most this share of the load that no step makes smaller are rounding.
+_ROUNDED_RESIDUAL = 1e-6
 
 #: A cage falls past its obstacles if it does not meet them within this multiple of all sizes.
 _FAR = 3.0
@@ -97,7 +104,7 @@ def settle(
                 stiffen(term, share * whole.stiffness, z)
                 for term, whole in zip(current, given, strict=True)
             ]
-            z, current = _find_balance(system, len(loads), z, current, load, steps)
+            z, current = _find_balance(system, len(loads), z, current, load, steps, guess is not None)
     if progress is not None:
         progress(1.0)
     return Settled(z, current, system.steps)
@@ -165,15 +172,19 @@ def _find_balance(
     contacts: list[ObstacleTerm],
     load: Floats,
     steps: int,
+    near: bool,
 ) -> tuple[Floats, list[ObstacleTerm]]:
     """Find a state of balance with Coulomb friction, and end the step in it."""
-    # With given limits of friction a state is the least of an energy, from which Newton's method
-    # goes on with limits that follow the normal forces. If it fails, the limits are renewed once.
+    # Newton's method with limits that follow the normal forces needs few steps near a balance. If it
+    # fails, it starts again from the least energy with the limits given, and these renewed.
     others = system.terms[: -len(contacts)]
     if all(term.coefficient == 0.0 for term in contacts):
         system.terms = [*others, *contacts]
         return load_in_shares(system, loads, z, steps, rests=False).positions, contacts
-    for _ in range(_MAX_REPEATS):
+    for attempt in range(_MAX_REPEATS):
+        found = _follow_limits(system, others, z, contacts, load) if attempt or near else None
+        if found is not None:
+            return found, [advance_friction(term, found) for term in contacts]
         system.terms = [*others, *contacts]
         try:
             z = load_in_shares(system, loads, z, steps, rests=False).positions
@@ -183,9 +194,6 @@ def _find_balance(
                 key="obstacles",
                 cure="Raise friction, fix a part of the cage, or lower the load",
             ) from error
-        found = _follow_limits(system, others, z, contacts, load)
-        if found is not None:
-            return found, [advance_friction(term, found) for term in contacts]
         contacts = [follow_friction(term, z, follows=False) for term in contacts]
     raise SolverError(
         "no balance with friction was found: samples keep changing between sticking and sliding",
@@ -202,21 +210,33 @@ def _follow_limits(
     load: Floats,
 ) -> Floats | None:
     """Balance forces with limits of friction that follow the normal forces; None if that fails."""
-    best, since = np.inf, 0
-    for _ in range(_MAX_BALANCING):
+    size = float(np.linalg.norm(load))
+
+    def balance(z: Floats) -> tuple[list[TermState], Floats, float]:
         system.terms = [*others, *(follow_friction(term, z) for term in contacts)]
         states = system.evaluate(z)
         force = system.forces(states)
-        left = float(np.linalg.norm(force) / np.linalg.norm(load))
+        return states, force, float(np.linalg.norm(force)) / size
+
+    states, force, left = balance(z)
+    best, since = (z, left), 0
+    for _ in range(_MAX_BALANCING):
         if left <= MAX_RESIDUAL:
             return z
-        best, since = (left, 0) if left < best else (best, since + 1)
-        if since > _PATIENCE or not np.isfinite(left):
-            break
         try:
             solve = system.factorise_unsymmetric(system.add_shift(system.tangent(states)))
         except SolverError:
             break
-        move = system.node_moves(-solve(force))
-        z = z + min(1.0, system.largest_step(z, move)) * move
-    return None
+        move, last = system.node_moves(-solve(force)), left
+        length = min(1.0, system.largest_step(z, move))
+        states, force, left = balance(z + length * move)
+        for _ in range(_MAX_HALVINGS):
+            if left < _MAX_RISE * last:
+                break
+            length /= 2
+            states, force, left = balance(z + length * move)
+        z = z + length * move
+        best, since = ((z, left), 0) if left < best[1] else (best, since + 1)
+        if since > _PATIENCE or not np.isfinite(left):
+            break
+    return best[0] if best[1] <= _ROUNDED_RESIDUAL else None
