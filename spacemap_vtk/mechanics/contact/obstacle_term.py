@@ -96,7 +96,7 @@ class Contact(NamedTuple):
 
 
 class ObstacleTerm(EnergyTerm):
-    """Contact with one obstacle; a sheet's nodes are pairs of vertices, see `in_nodes`."""
+    """Contact with one obstacle; a sheet's nodes are pairs of vertices, see `in_model_nodes`."""
 
     def __init__(
         self,
@@ -143,7 +143,7 @@ class ObstacleTerm(EnergyTerm):
         }
         return ObstacleTerm(**{**given, **changes})
 
-    def in_nodes(self, surface: MidSurface | None, factor: float) -> ObstacleTerm:
+    def in_model_nodes(self, surface: MidSurface | None, factor: float) -> ObstacleTerm:
         """Return the term of a sheet's mid-points, or of a solid's vertices, times a factor.
 
         Parameters

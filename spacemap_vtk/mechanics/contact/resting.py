@@ -101,7 +101,7 @@ def find_resting_state(
     if guess is not None:
         moved = guess if surface is None else surface.to_nodes(guess)
     contacts = [
-        term.replace(friction=friction).in_nodes(surface, 1 / model.modulus)
+        term.replace(friction=friction).in_model_nodes(surface, 1 / model.modulus)
         for term, friction in zip(obstacles_of(model), frictions, strict=True)
     ]
     result = settle(

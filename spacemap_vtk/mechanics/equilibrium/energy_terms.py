@@ -27,6 +27,8 @@ from spacemap_vtk.ndarrays import Floats, Ints
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
+    from spacemap_vtk.mechanics.elements.shell import MidSurface
+
 
 class EnergyTerm(ABC):
     """One term of a body's energy: a sum over elements, each of which depends on a few nodes."""
@@ -146,6 +148,26 @@ class EnergyTerm(ABC):
             Energy, forces and tangent there. By default each is computed by this term.
         """
         return TermState(self, positions)
+
+    def in_model_nodes(self, surface: MidSurface | None, factor: float) -> EnergyTerm:
+        """Convert a term of a cage's vertices to one of its model's nodes, times a factor.
+
+        Parameters
+        ----------
+        surface : MidSurface or None
+            Mid-surface of a sheet, whose nodes are mid-points and half thicknesses of pairs of
+            vertices. The nodes of a solid are the vertices.
+        factor : float
+            Factor of the energy.
+
+        Returns
+        -------
+        EnergyTerm
+            By default a `VertexTerm`, which converts positions, forces and tangent.
+        """
+        from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
+
+        return VertexTerm(self, surface, factor)
 
     def stiffness_products(self, positions: Floats, fields: Floats) -> Floats:
         """Compute φᵀ K φ for each pair of displacement fields.

@@ -83,6 +83,16 @@ MIN_SHARE = 1 / 64
 MAX_UNRESISTED = 0.01
 
 
+#: A body that only its contact holds has motions that nothing resists, in which Newton's steps have
+#: no end; inertia bounds them. It falls while the energy falls, so that it costs few steps.
+#: Factors of the inertia after a step that raises the energy, and after one that lowers it …
+MORE_INERTIA = 4.0
+LESS_INERTIA = 0.5
+#: … and its least and largest multiple of the inertia at the start.
+LEAST_INERTIA = 1e-4
+MOST_INERTIA = 1e2
+
+
 class Equilibrium(NamedTuple):
     """Stable equilibrium of a body."""
 
@@ -199,9 +209,8 @@ class _Search:
             unbalanced = float(np.linalg.norm(force))
             if system.inertia.any():
                 rises = energy > self._last_energy
-                system.inertia_scale = min(
-                    max(system.inertia_scale * (4 if rises else 0.5), 1e-4), 1e2
-                )
+                scale = system.inertia_scale * (MORE_INERTIA if rises else LESS_INERTIA)
+                system.inertia_scale = float(np.clip(scale, LEAST_INERTIA, MOST_INERTIA))
                 self._last_energy = energy
             load_norm = load_norm or self._load_norm(states) or unbalanced or 1.0
             settled = (

@@ -4,17 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.elements.shell import MidSurface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, digest_of
 from spacemap_vtk.ndarrays import Floats
-
-
-def in_model_nodes(term: EnergyTerm, surface: MidSurface | None, factor: float) -> EnergyTerm:
-    """Convert a term of a cage's vertices to one of its model's nodes, times a factor."""
-    if isinstance(term, ObstacleTerm):
-        return term.in_nodes(surface, factor)
-    return VertexTerm(term, surface, factor)
 
 
 class VertexTerm(EnergyTerm):

@@ -39,7 +39,6 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     assemble_tangent,
     digest_of,
 )
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import in_model_nodes
 from spacemap_vtk.mechanics.modal.pencil import Nodes, Pencil, free_columns, require_columns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
@@ -101,7 +100,7 @@ class MeshPencil(Pencil):
         self.fittings, self._local = fittings, local
         self.surface = find_mid_surface(points, cells) if len(material) > 1 else None
         #: Terms other than elements and springs.
-        self.added = [in_model_nodes(term, self.surface, 1 / modulus) for term in added]
+        self.added = [term.in_model_nodes(self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
                 "the cage cannot be a sheet: it is not a lattice of one layer",
@@ -169,12 +168,15 @@ class MeshPencil(Pencil):
             places[len(self.surface.pairs) :] = False
         nodes = Nodes(positions, places)
         if self.other_terms:
-            alike = [(term.nodes, _normalise(term.tangent(positions))) for term in self.other_terms]
+            # Negative curvature, such as that of an obstacle, holds nothing.
+            states = [term.evaluate(positions) for term in self.other_terms]
+            alike = [(state.term.nodes, _normalise(state.tangent(removed=1.0))) for state in states]
             nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
-        forces = np.sum([term.forces(positions) for term in self.terms], axis=0)
-        return nodes._replace(forces=forces)
+        forces = np.sum([term.forces(positions) for term in self.elements], axis=0)
+        others = assemble_tangent(self.other_terms, positions) if self.other_terms else None
+        return nodes._replace(forces=forces, tangent=others)
 
     @property
     def size(self) -> int:

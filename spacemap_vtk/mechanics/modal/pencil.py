@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.boundary.supports import rigid_motions, small_rotations
+from spacemap_vtk.mechanics.boundary.supports import largest_arm, rigid_motions, small_rotations
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 # Modes may come from a cache, so the solvers of scipy are imported only where something is solved.
@@ -58,7 +58,9 @@ class Nodes(NamedTuple):
     translate: Bools
     """Whether a node is a position; half thicknesses of a sheet are not, and only turn, (V,)."""
     forces: Floats | None = None
-    """Forces that hold the equilibrium, if it is strained, (V, 3)."""
+    """Forces that hold the strains of the elements, if there are any, (V, 3)."""
+    tangent: sp.csr_matrix | None = None
+    """Tangent of what else acts on a strained mesh, (3V, 3V)."""
     springs: sp.csr_matrix | None = None
     """Matrix of the springs to the base, scaled to ignore their stiffness, (3V, 3V)."""
 
@@ -68,12 +70,20 @@ class Nodes(NamedTuple):
         return np.flatnonzero(self.translate)
 
     def rigid_motions(self, near: Ints) -> tuple[Floats, Floats]:
-        """Compute the six rigid motions of given nodes, (3n, 6), and how they turn the loads."""
+        """Compute the six rigid motions of given nodes, (3n, 6), and how they unbalance them."""
+        # Forces of the elements turn with a motion; those of other terms change by their tangent.
         loads = np.zeros((len(near), 3, 6))
-        if self.forces is not None and self.forces.any():
-            loads[:, :, 3:] = small_rotations(self.forces[near] / abs(self.forces).max())
         six = rigid_motions(self.positions[near], self.translate[near])
-        return six, loads.reshape(-1, 6)
+        if self.forces is None or not self.forces.any():
+            return six, loads.reshape(-1, 6)
+        size = abs(self.forces).max()
+        loads[:, :, 3:] = small_rotations(self.forces[near] / size)
+        loads = loads.reshape(-1, 6)
+        if self.tangent is not None:
+            rows = (3 * near[:, None] + np.arange(3)).ravel()
+            arm = largest_arm(self.positions[near], self.translate[near])
+            loads += self.tangent[rows][:, rows] @ six * (arm / size)
+        return six, loads
 
 
 class Pencil:
