@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from spacemap_vtk.cage.lattice import build_lattice
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, contact_stiffness
 from spacemap_vtk.mechanics.contact.obstacles import (
     Cylinder,
@@ -197,6 +197,97 @@ def test_tablecloth_rests_with_its_weight_on_the_table() -> None:
     ]
     assert corners[:, 2].max() < -0.04 - 0.04
     assert model.modes(1).eigenvalues[0] > 0
+
+
+@pytest.fixture(scope="module")
+def slope() -> Any:
+    """Return a function that lets a cloth rest on a slope of the given angle, with μ = 0.3."""
+
+    def rest_on(degrees: float) -> Model:
+        points, cells, terms = sheet((0, 0.1, 0, 0.1), (4, 4), [Plane((0, 0, -1e-3))], 0.3)
+        free = np.zeros(points.shape, dtype=bool)
+        angle = math.radians(degrees)
+        down = GRAVITY * np.array([math.sin(angle), 0, -math.cos(angle)])
+        return rest(Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms), down)[0]
+
+    return rest_on
+
+
+def test_cloth_on_a_slope_sticks_below_the_angle_of_friction(slope: Any) -> None:
+    """This angle is arctan 0.3 = 16.7°."""
+    for degrees in (16.0, 16.65):
+        (contact,) = report_contact(slope(degrees))
+        angle = math.radians(degrees)
+        carried = WEIGHT * 0.01 * np.array([math.sin(angle), 0, -math.cos(angle)])
+        np.testing.assert_allclose(contact.force, carried, atol=1e-6 * WEIGHT * 0.01)
+        assert contact.sliding == 0
+    with pytest.raises(SolverError, match="no equilibrium with friction"):
+        slope(17.5)
+
+
+def test_cloth_that_slides_everywhere_turns_against_friction() -> None:
+    """Friction pulls all of its points away from the middle, and keeps its direction.
+
+    The torque per angle is μ w ∫ r dA, with the mean distance 0.3825978 of a square's points from
+    its middle, and the moment of inertia m a²/6; nothing resists a translation.
+    """
+    side, mu = 0.1, 0.3
+    points, cells, terms = sheet((0, side, 0, side), (6, 6), [Plane((0, 0, -1e-6))], mu)
+    model = Model(
+        points, cells, PLATE, 0.15 / THICKNESS, np.zeros(points.shape, dtype=bool), terms=terms
+    )
+    surface = model.pencil.surface
+    assert surface is not None
+    where = terms[0]._given.positions(surface.to_nodes(points)).reshape(-1, 3)
+    middle = np.array([side / 2, side / 2, 0])
+    moved = np.zeros(points.shape)
+    moved[:, 2] = -3e-5  # deeper than at rest, so that anchors stay far enough away
+    model, _ = rest(model, start=Resting(moved, where + 0.1 * (where - middle)))
+    (contact,) = report_contact(model)
+    assert contact.sliding == contact.points == 16 * 36
+    found = model.modes(3).eigenvalues * model.modulus / model.density
+    np.testing.assert_array_equal(found[:2], 0.0)
+    assert found[2] == pytest.approx(6 * 0.3825978 * mu * GRAVITY / side, rel=0.01)
+
+
+def test_cloth_on_a_plane_without_friction_has_three_rigid_motions() -> None:
+    points, cells, terms = sheet((0, 0.1, 0, 0.1), (4, 4), [Plane((0, 0, -1e-3))])
+    free = np.zeros(points.shape, dtype=bool)
+    model, _ = rest(Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms))
+    found = model.modes(4).eigenvalues
+    assert (found[:3] == 0.0).all()
+    assert found[3] > 0.0
+
+
+@pytest.mark.parametrize(("mu", "pulls"), [(0.1, 3), (0.3, 5)])
+def test_strip_pulled_over_a_cylinder_multiplies_its_tension(mu: float, pulls: int) -> None:
+    """T₂/T₁ = e^{μπ} once all of it slides (Euler); bending adds less than a tenth of a percent."""
+    radius, tail, tension = 0.05, 0.03, 10.0
+    length = math.pi * radius + 2 * tail
+    body = Cylinder(radius - THICKNESS / 2, axis=(0, 1, 0), center=(0, 0, -radius - 1e-6))
+    model = strip(-length / 2, length, 80, [body], lambda x: x < -1, mu)
+    points = model.points
+    first, last = (abs(points[:, 0] - side * length / 2) < 1e-9 for side in (-1, 1))
+    forces = np.zeros(points.shape)
+    forces[first | last, 2] = -tension * WIDTH / first.sum()
+    found = find_resting_state(model, forces.ravel())
+    # From now on the last end is held and pulled down step by step.
+    held = ~model.free.reshape(-1, 3)
+    held[last] = True
+    forces[last] = 0.0
+    model = Model(points, model.cells, PLATE, model.density, held, terms=model.terms)
+    for _ in range(pulls):
+        moved = found.displacement.copy()
+        moved[last, 2] -= 3e-4
+        found = find_resting_state(model, forces.ravel(), start=Resting(moved, found.anchors))
+    terms = rested_terms(model.terms, points + found.displacement, found.anchors)
+    state = Model(
+        points, model.cells, PLATE, model.density, held, False, found.displacement, terms=terms
+    )
+    (contact,) = report_contact(state)
+    assert contact.sliding == contact.points
+    ratio = -contact.force[2] / (tension * WIDTH) - 1
+    assert ratio == pytest.approx(math.exp(mu * math.pi), rel=1e-3)
 
 
 def test_cloth_beside_its_obstacle_is_refused() -> None:

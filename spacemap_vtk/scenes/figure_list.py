@@ -143,7 +143,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     ]
     if swing := figures.get("motion"):
         found.append(Figure("motion", "motion", describe_motion(swing)))
-    return found
+    return [*found, *contact_figures(figures.get("contact", []))]
 
 
 def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
@@ -238,7 +238,7 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
 
 
 def contact_figures(contact: list[dict[str, Any]]) -> list[Figure]:
-    """Return the figures of a cage's contact with each obstacle, from those of `report.modes`."""
+    """Return the figures of a cage's contact with each obstacle, from `report_obstacles`."""
     found = []
     for each in contact:
         number, force = each["obstacle"], each["force"]

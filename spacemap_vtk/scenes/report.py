@@ -311,6 +311,9 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
             figures |= report_sheet(solver.sheet_figures(made.output))
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
+                if solver.obstacles:
+                    scene.update_stage(solver)
+                    figures["contact"] = report_obstacles(solver.output)
     for _ in add_clearance(scene, figures):
         pass
     if over.size > MOST_CROSSINGS:

@@ -39,6 +39,10 @@ _FREE_STEP = 0.05
 #: come nearer to balance.
 _MAX_REPEATS, _MAX_BALANCING, _PATIENCE = 20, 40, 4
 
+#: Largest number of steps of all searches after the first: they start near to their states, and a
+#: body that slides away never finds one.
+_MAX_RENEWING = 200
+
 #: A step is halved, at most so many times, while it multiplies the unbalanced forces by more than
 #: the second number.
 _MAX_HALVINGS, _MAX_RISE = 6, 1.5
@@ -104,7 +108,9 @@ def settle(
                 stiffen(term, share * whole.stiffness, z)
                 for term, whole in zip(current, given, strict=True)
             ]
-            z, current = _find_balance(system, len(loads), z, current, load, steps, guess is not None)
+            z, current = _find_balance(
+                system, len(loads), z, current, load, steps, guess is not None
+            )
     if progress is not None:
         progress(1.0)
     return Settled(z, current, system.steps)
@@ -175,8 +181,8 @@ def _find_balance(
     near: bool,
 ) -> tuple[Floats, list[ObstacleTerm]]:
     """Find a state of balance with Coulomb friction, and end the step in it."""
-    # Newton's method with limits that follow the normal forces needs few steps near a balance. If it
-    # fails, it starts again from the least energy with the limits given, and these renewed.
+    # Near a balance, Newton's method with limits that follow the normal forces needs few steps. If
+    # it fails, it starts again from the least energy with given limits, and these are renewed.
     others = system.terms[: -len(contacts)]
     if all(term.coefficient == 0.0 for term in contacts):
         system.terms = [*others, *contacts]
@@ -188,6 +194,7 @@ def _find_balance(
         system.terms = [*others, *contacts]
         try:
             z = load_in_shares(system, loads, z, steps, rests=False).positions
+            steps = min(steps, system.steps + _MAX_RENEWING)
         except SolverError as error:
             raise SolverError(
                 "no equilibrium with friction was found: the cage may slide off its obstacles",
@@ -204,7 +211,7 @@ def _find_balance(
 
 def _follow_limits(
     system: ReducedSystem,
-    others: list[EnergyTerm],
+    others: Sequence[EnergyTerm],
     z: Floats,
     contacts: list[ObstacleTerm],
     load: Floats,

@@ -72,13 +72,12 @@ class Nodes(NamedTuple):
     def rigid_motions(self, near: Ints) -> tuple[Floats, Floats]:
         """Compute the six rigid motions of given nodes, (3n, 6), and how they unbalance them."""
         # Forces of the elements turn with a motion; those of other terms change by their tangent.
-        loads = np.zeros((len(near), 3, 6))
+        loads = np.zeros((3 * len(near), 6))
         six = rigid_motions(self.positions[near], self.translate[near])
         if self.forces is None or not self.forces.any():
-            return six, loads.reshape(-1, 6)
+            return six, loads
         size = abs(self.forces).max()
-        loads[:, :, 3:] = small_rotations(self.forces[near] / size)
-        loads = loads.reshape(-1, 6)
+        loads[:, 3:] = small_rotations(self.forces[near] / size).reshape(-1, 3)
         if self.tangent is not None:
             rows = (3 * near[:, None] + np.arange(3)).ravel()
             arm = largest_arm(self.positions[near], self.translate[near])
