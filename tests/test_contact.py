@@ -199,30 +199,25 @@ def test_tablecloth_rests_with_its_weight_on_the_table() -> None:
     assert model.modes(1).eigenvalues[0] > 0
 
 
-@pytest.fixture(scope="module")
-def slope() -> Any:
-    """Return a function that lets a cloth rest on a slope of the given angle, with μ = 0.3."""
-
-    def rest_on(degrees: float) -> Model:
-        points, cells, terms = sheet((0, 0.1, 0, 0.1), (4, 4), [Plane((0, 0, -1e-3))], 0.3)
-        free = np.zeros(points.shape, dtype=bool)
-        angle = math.radians(degrees)
-        down = GRAVITY * np.array([math.sin(angle), 0, -math.cos(angle)])
-        return rest(Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms), down)[0]
-
-    return rest_on
+def rest_on_slope(degrees: float) -> Model:
+    """Return a cloth at rest on a slope, with μ = 0.3."""
+    points, cells, terms = sheet((0, 0.1, 0, 0.1), (4, 4), [Plane((0, 0, -1e-3))], 0.3)
+    free = np.zeros(points.shape, dtype=bool)
+    angle = math.radians(degrees)
+    down = GRAVITY * np.array([math.sin(angle), 0, -math.cos(angle)])
+    return rest(Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms), down)[0]
 
 
-def test_cloth_on_a_slope_sticks_below_the_angle_of_friction(slope: Any) -> None:
+def test_cloth_on_a_slope_sticks_below_the_angle_of_friction() -> None:
     """This angle is arctan 0.3 = 16.7°."""
     for degrees in (16.0, 16.65):
-        (contact,) = report_contact(slope(degrees))
+        (contact,) = report_contact(rest_on_slope(degrees))
         angle = math.radians(degrees)
         carried = WEIGHT * 0.01 * np.array([math.sin(angle), 0, -math.cos(angle)])
         np.testing.assert_allclose(contact.force, carried, atol=1e-6 * WEIGHT * 0.01)
         assert contact.sliding == 0
     with pytest.raises(SolverError, match="no equilibrium with friction"):
-        slope(17.5)
+        rest_on_slope(17.5)
 
 
 def test_cloth_that_slides_everywhere_turns_against_friction() -> None:
