@@ -31,6 +31,7 @@ from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import MidSurface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     EnergyTerm,
+    PairedNodes,
     TermState,
     digest_of,
     sum_at_nodes,
@@ -143,21 +144,8 @@ class ObstacleTerm(EnergyTerm):
         }
         return ObstacleTerm(**{**given, **changes})
 
-    def in_model_nodes(self, surface: MidSurface | None, factor: float) -> ObstacleTerm:
-        """Return the term of a sheet's mid-points, or of a solid's vertices, times a factor.
-
-        Parameters
-        ----------
-        surface : MidSurface or None
-            Mid-surface of a sheet.
-        factor : float
-            Factor of the energy.
-
-        Returns
-        -------
-        ObstacleTerm
-            Its nodes are those of the model.
-        """
+    def in_model_nodes(self, surface: PairedNodes | None, factor: float) -> ObstacleTerm:
+        """Return the term of a sheet's mid-points, or of a solid's vertices, times a factor."""
         friction = self.friction
         if friction is not None:
             friction = friction._replace(limits=factor * friction.limits)

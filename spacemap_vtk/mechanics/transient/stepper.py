@@ -23,9 +23,8 @@ from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
 from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
 from spacemap_vtk.mechanics.contact.resting import obstacles_of
 from spacemap_vtk.mechanics.elements.strains import StrainState
-from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState, VertexTerm
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.damping import Damping
