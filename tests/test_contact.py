@@ -161,7 +161,7 @@ def test_strip_lifted_by_an_end_and_its_lowest_mode(
     height: float, free: float, force: float
 ) -> None:
     """The lifted part vibrates as a beam that is clamped where it touches the ground."""
-    length, cells = 2.5 * LENGTH, 160
+    length, cells = 2.5 * LENGTH, 80
     ground = Plane((0, 0, -height * LENGTH - THICKNESS / 2))
     # The end is hinged at its height, the other end is above the ground and falls.
     model = strip(-length, length, cells, [ground], lambda x: abs(x) < 1e-9)
@@ -180,6 +180,58 @@ def test_strip_lifted_by_an_end_and_its_lowest_mode(
     beam = (3.9266 / (free * LENGTH)) ** 2 * math.sqrt(BENDING / 0.15)
     # The closed form is that of a straight beam, and holds for the lower height.
     assert height > 0.1 or rate == pytest.approx(beam, rel=0.03)
+
+
+def bend(model: Model, place: Any, angle: Any) -> Resting:
+    """Return the state of a strip that is laid on a curve in x and z without stretch."""
+    points, (x, z) = model.points, place
+    normal = points[:, 2] * np.stack([-np.sin(angle), np.cos(angle)])
+    moved = np.stack([x + normal[0], points[:, 1], z + normal[1]], axis=1)
+    return Resting(moved - points, np.empty((0, 3)))
+
+
+def test_loop_between_two_plates_pushes_them_apart() -> None:
+    """An elastica without weight; one half of it, from the clamped apex to one of the plates."""
+    gap = 0.02
+    plate = Plane((gap / 2 + THICKNESS / 2, 0, 0), (-1, 0, 0))
+    model = strip(0, 1.4 * gap, 40, [plate], lambda x: x < 1e-9)
+    along, radius = model.points[:, 0], gap / 2
+    angle = np.minimum(along / radius, math.pi / 2)
+    straight = np.maximum(along - radius * math.pi / 2, 0.0)
+    place = radius * np.sin(angle), radius * (1 - np.cos(angle)) + straight
+    model, _ = rest(model, (0, 0, 0), start=bend(model, place, angle))
+    (contact,) = report_contact(model)
+    assert contact.force[0] / WIDTH * gap**2 / BENDING == pytest.approx(2.871080, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shortening", "half", "thrust", "height"),
+    [(0.2, 1.93605, 5.40632, 0.52044), (1.0, 2.48110, 3.32036, 1.24441)],
+)
+def test_ruck_in_a_strip_whose_ends_are_brought_together(
+    shortening: float, half: float, thrust: float, height: float
+) -> None:
+    """One half of it: its crest stays level, and the far end is held."""
+    length, cells = (half + 1.2) * LENGTH, 80
+    ground = Plane((0, 0, -THICKNESS / 2))
+    model = strip(0, length, cells, [ground], lambda x: x > length - 1e-9)
+    points, held = model.points, ~model.free.reshape(-1, 3)
+    along, lifted = points[:, 0], half * LENGTH
+    held[along < 1e-9, 0] = True
+    model = Model(points, model.cells, PLATE, model.density, held, terms=model.terms)
+    phase = math.pi * np.minimum(along / lifted, 1.0)
+    rise = height / 2 * LENGTH * (1 + np.cos(phase))
+    slope = -height / 2 * math.pi / half * np.sin(phase)
+    place = along - shortening / 2 * LENGTH * phase / math.pi, rise
+    model, _ = rest(model, start=bend(model, place, np.arctan(slope)))
+    assert middle(model)[:, 2].max() / LENGTH == pytest.approx(height, rel=3e-3)
+    pushed = model.forces.reshape(-1, 3)[along < 1e-9].sum(axis=0)
+    assert pushed[0] / (WIDTH * WEIGHT * LENGTH) == pytest.approx(thrust, rel=5e-3)
+    (term,) = model.terms
+    assert isinstance(term, ObstacleTerm)
+    state = term.evaluate(points + model.displacement)  # type: ignore[operator]
+    where = term.samples.positions(points)[state.elements][..., 0] / LENGTH
+    assert where[state.depth > 0].min() == pytest.approx(half, rel=0.01)
 
 
 def test_tablecloth_rests_with_its_weight_on_the_table() -> None:

@@ -186,7 +186,10 @@ def _find_balance(
     others = system.terms[: -len(contacts)]
     if all(term.coefficient == 0.0 for term in contacts):
         system.terms = [*others, *contacts]
-        return load_in_shares(system, loads, z, steps, rests=False).positions, contacts
+        # Without a load, balance is relative to what is unbalanced at the start: start twice.
+        for _ in range(1 if load.any() else 2):
+            z = load_in_shares(system, loads, z, steps, rests=False).positions
+        return z, contacts
     for attempt in range(_MAX_REPEATS):
         found = _follow_limits(system, others, z, contacts, load) if attempt or near else None
         if found is not None:
@@ -217,7 +220,8 @@ def _follow_limits(
     load: Floats,
 ) -> Floats | None:
     """Balance forces with limits of friction that follow the normal forces; None if that fails."""
-    size = float(np.linalg.norm(load))
+    pressed = np.sum([term.forces(z) for term in contacts], axis=0)
+    size = float(np.linalg.norm(load) or np.linalg.norm(system.reduce_forces(pressed)) or 1.0)
 
     def balance(z: Floats) -> tuple[list[TermState], Floats, float]:
         system.terms = [*others, *(follow_friction(term, z) for term in contacts)]

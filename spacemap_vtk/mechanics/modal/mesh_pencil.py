@@ -174,9 +174,12 @@ class MeshPencil(Pencil):
             nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
-        forces = np.sum([term.forces(positions) for term in self.elements], axis=0)
-        others = assemble_tangent(self.other_terms, positions) if self.other_terms else None
-        return nodes._replace(forces=forces, tangent=others)
+        strains = forces = np.sum([term.forces(positions) for term in self.elements], axis=0)
+        if self.other_terms:
+            tangent = assemble_tangent(self.other_terms, positions)
+            forces = strains + np.sum([term.forces(positions) for term in self.other_terms], axis=0)
+            nodes = nodes._replace(tangent=tangent)
+        return nodes._replace(forces=forces, strain_forces=strains)
 
     @property
     def size(self) -> int:

@@ -58,7 +58,9 @@ class Nodes(NamedTuple):
     translate: Bools
     """Whether a node is a position; half thicknesses of a sheet are not, and only turn, (V,)."""
     forces: Floats | None = None
-    """Forces that hold the strains of the elements, if there are any, (V, 3)."""
+    """Forces that hold the equilibrium, if it is strained, (V, 3)."""
+    strain_forces: Floats | None = None
+    """Share of these forces that holds the strains of the elements, (V, 3)."""
     tangent: sp.csr_matrix | None = None
     """Tangent of what else acts on a strained mesh, (3V, 3V)."""
     springs: sp.csr_matrix | None = None
@@ -74,10 +76,10 @@ class Nodes(NamedTuple):
         # Forces of the elements turn with a motion; those of other terms change by their tangent.
         loads = np.zeros((3 * len(near), 6))
         six = rigid_motions(self.positions[near], self.translate[near])
-        if self.forces is None or not self.forces.any():
+        if self.strain_forces is None or not self.strain_forces.any():
             return six, loads
-        size = abs(self.forces).max()
-        loads[:, 3:] = small_rotations(self.forces[near] / size).reshape(-1, 3)
+        size = abs(self.strain_forces).max()
+        loads[:, 3:] = small_rotations(self.strain_forces[near] / size).reshape(-1, 3)
         if self.tangent is not None:
             rows = (3 * near[:, None] + np.arange(3)).ravel()
             arm = largest_arm(self.positions[near], self.translate[near])
