@@ -114,8 +114,6 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(kind: str) -> None:
     random = np.random.default_rng(0)
     anchors = samples.positions(points if surface is None else surface.to_nodes(points))
     term = term.at_rest(points, anchors + 0.03 * random.normal(size=anchors.shape))
-    assert term.friction is not None
-    term = term.replace(friction=term.friction._replace(is_settled=False))
     place, way = points + 0.003 * random.normal(size=points.shape), random.normal(size=points.shape)
     step = 1e-7
     slope = (term.energy(place + step * way) - term.energy(place - step * way)) / (2 * step)
@@ -161,7 +159,7 @@ def test_strip_lifted_by_an_end_and_its_lowest_mode(
     height: float, free: float, force: float
 ) -> None:
     """The lifted part vibrates as a beam that is clamped where it touches the ground."""
-    length, cells = 2.5 * LENGTH, 80
+    length, cells = 2.5 * LENGTH, 160
     ground = Plane((0, 0, -height * LENGTH - THICKNESS / 2))
     # The end is hinged at its height, the other end is above the ground and falls.
     model = strip(-length, length, cells, [ground], lambda x: abs(x) < 1e-9)

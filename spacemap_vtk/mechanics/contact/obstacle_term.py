@@ -43,6 +43,11 @@ SHEET_STIFFNESS = 1024.0
 #: Stiffness times cell/E of a solid.
 SOLID_STIFFNESS = 16.0
 
+#: For vibrations about a state at rest, what touches is held by this multiple of its springs: where
+#: a sheet touches down, its place, slope and curvature are those of the obstacle, so that the line
+#: of contact does not move to first order.
+SUPPORT = 1e3
+
 #: A sample slides if its friction is at least this share of the limit.
 _SLIDES = 1.0 - 1e-6
 
@@ -79,8 +84,6 @@ class Friction(NamedTuple):
     """(E, m), largest friction [N], unless it follows the normal force."""
     follows: bool = False
     """Whether the largest friction is μ times the normal force of the current state."""
-    is_settled: bool = False
-    """Whether friction of sliding samples is a constant force, as in vibrations about a state."""
 
 
 class Contact(NamedTuple):
@@ -166,15 +169,12 @@ class ObstacleTerm(EnergyTerm):
         ObstacleTerm
             Its limits of friction are those of these positions.
         """
-        # Sticking samples resist with their springs; sliding ones with a constant force.
         if self.coefficient == 0.0:
             return self
         given = anchors.reshape(*self.samples.areas.shape, 3)
         limits = np.zeros(self.samples.areas.shape)
         term = self.replace(friction=Friction(given, np.zeros_like(given), limits))
-        renewed = advance_friction(term, positions)
-        assert renewed.friction is not None
-        return renewed.replace(friction=renewed.friction._replace(is_settled=True))
+        return advance_friction(term, positions)
 
     @property
     def digest(self) -> str:
@@ -316,17 +316,30 @@ class ObstacleState(TermState):
 
     def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
         """Compute the tangent; without its share of the obstacle's curvature, which is negative."""
+        return self._assemble(1.0, removed, self._friction_tangent())
+
+    def tangent_at_rest(self, removed: float = 0.0) -> Floats:
+        """Compute the tangent with what touches held as by supports, and friction constant."""
+        # Samples that stick are held across the normal, too.
+        sticks: Floats | float = 0.0
+        if self._slip is not None:
+            _, length, secant = self._slip
+            held = (self._inside & (secant * length < _SLIDES * self._limit)) * secant
+            sticks = SUPPORT * held[..., None, None] * self._across
+        return self._assemble(SUPPORT, removed, sticks)
+
+    def _assemble(self, factor: float, removed: float, friction: Floats | float) -> Floats:
+        """Assemble springs along the normal, times a factor, their curvature, and friction."""
         samples = self._obstacle.samples
         count, size = len(samples.nodes), samples.nodes.shape[1]
         result = np.zeros((count, 3 * size, 3 * size))
         if not len(self.elements):
             return result
         normal, curvature = self._distance
-        springs = (self._springs * self._inside)[..., None, None]
+        springs = (factor * self._springs * self._inside)[..., None, None]
         each = springs * normal[..., :, None] * normal[..., None, :]
         each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
-        if self._slip is not None:
-            each += self._friction_tangent()
+        each += friction
         products = samples.weights[:, :, None] * samples.weights[:, None, :]
         products = products.reshape(len(products), -1)
         blocks = each.reshape(*each.shape[:2], 9).swapaxes(1, 2) @ products
@@ -334,20 +347,23 @@ class ObstacleState(TermState):
         result[self.elements] = blocks.reshape(-1, 3 * size, 3 * size)
         return result
 
-    def _friction_tangent(self) -> Floats:
-        assert self._slip is not None
+    @property
+    def _across(self) -> Floats:
+        """Projections (e, m, 3, 3) along the surface of the obstacle at each sample."""
         friction = self._obstacle.friction
         assert friction is not None
+        normals = friction.normals[self.elements]
+        return np.asarray(np.eye(3) - normals[..., :, None] * normals[..., None, :])
+
+    def _friction_tangent(self) -> Floats | float:
+        friction = self._obstacle.friction
+        if friction is None or self._slip is None:
+            return 0.0
         moved, length, secant = self._slip
         slides = secant < self._springs
-        if friction.is_settled:
-            slides = secant * length >= _SLIDES * self._limit
-            secant = np.where(slides, 0.0, secant)
-        normals = friction.normals[self.elements]
-        across = np.eye(3) - normals[..., :, None] * normals[..., None, :]
         way = moved / np.where(length > 0, length, 1.0)[..., None]
         along = slides[..., None, None] * way[..., :, None] * way[..., None, :]
-        result = secant[..., None, None] * (across - along)
+        result = secant[..., None, None] * (self._across - along)
         if friction.follows:
             anchored = ~np.isnan(friction.anchors[self.elements, :, 0])
             grip = self._obstacle.coefficient * self._springs * (slides & anchored & self._inside)

@@ -84,11 +84,7 @@ def find_resting_state(
     if start is not None:
         guess = start.displacement
         rested = rested_terms(obstacles_of(model), model.points + guess, start.anchors)
-        frictions = [
-            term.friction and term.friction._replace(is_settled=False)
-            for term in rested
-            if isinstance(term, ObstacleTerm)
-        ]
+        frictions = [term.friction for term in rested if isinstance(term, ObstacleTerm)]
     elif coarse is not None and coarse.pencil.size >= _FEWEST:
         found = find_resting_state(coarse, coarsen_loads(coarse, model, forces), progress)
         guess = refine(coarse, model, found.displacement)

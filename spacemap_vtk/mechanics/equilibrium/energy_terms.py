@@ -194,9 +194,8 @@ class EnergyTerm(ABC):
             Products [J] if the fields are in m.
         """
         moved = fields[:, self.nodes].reshape(len(fields), len(self.nodes), -1)
-        return np.asarray(
-            np.einsum("mei,eij,nej->mn", moved, self.tangent(positions), moved, optimize=True)
-        )
+        blocks = self.evaluate(positions).tangent_at_rest()
+        return np.asarray(np.einsum("mei,eij,nej->mn", moved, blocks, moved, optimize=True))
 
 
 class TermState:
@@ -225,6 +224,10 @@ class TermState:
         values, vectors = np.linalg.eigh(blocks)
         negative = (vectors * np.minimum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
         return np.asarray(blocks - removed * negative)
+
+    def tangent_at_rest(self, removed: float = 0.0) -> Floats:
+        """Compute the tangent for vibrations about a state at rest, whose contacts stay closed."""
+        return self.tangent(removed)
 
     def predict(self, move: Floats, curve: Floats | None = None) -> Any:
         """Predict data for the tangent after a move and a curve; None: it uses the new state."""

@@ -170,13 +170,16 @@ class MeshPencil(Pencil):
         if self.other_terms:
             # Negative curvature, such as that of an obstacle, holds nothing.
             states = [term.evaluate(positions) for term in self.other_terms]
-            alike = [(state.term.nodes, _normalise(state.tangent(removed=1.0))) for state in states]
+            alike = [
+                (state.term.nodes, _normalise(state.tangent_at_rest(removed=1.0)))
+                for state in states
+            ]
             nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
         strains = forces = np.sum([term.forces(positions) for term in self.elements], axis=0)
         if self.other_terms:
-            tangent = assemble_tangent(self.other_terms, positions)
+            tangent = _assemble_at_rest(self.other_terms, positions)
             forces = strains + np.sum([term.forces(positions) for term in self.other_terms], axis=0)
             nodes = nodes._replace(tangent=tangent)
         return nodes._replace(forces=forces, strain_forces=strains)
@@ -206,9 +209,12 @@ class MeshPencil(Pencil):
     def full_stiffness(self) -> csr_matrix:
         positions = self.nodes.positions
         if self.surface is not None or self._displacement is not None:
-            return assemble_tangent(self.terms, positions)
-        found = stiffness_matrix(self.assembly, self.material[0])
-        return found + assemble_tangent(self.other_terms, positions) if self.other_terms else found
+            found = assemble_tangent(self.elements, positions)
+        else:
+            found = stiffness_matrix(self.assembly, self.material[0])
+        if not self.other_terms:
+            return found
+        return found + _assemble_at_rest(self.other_terms, positions)
 
     @cached_property
     def full_mass(self) -> csr_matrix:
@@ -327,6 +333,12 @@ def _normalise(blocks: Floats) -> Floats:
     """Scale matrices so that their largest entry is one; a zero matrix stays zero."""
     sizes = abs(blocks).max(axis=(1, 2), keepdims=True)
     return np.divide(blocks, sizes, out=np.zeros_like(blocks), where=sizes > 0)
+
+
+def _assemble_at_rest(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
+    """Assemble the tangent of terms for vibrations about a state at rest."""
+    parts = [(term.nodes, term.evaluate(positions).tangent_at_rest()) for term in terms]
+    return assemble_blocks(parts, positions.size)
 
 
 def _stiffness_products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:
