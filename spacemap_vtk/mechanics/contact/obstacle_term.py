@@ -36,7 +36,7 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     digest_of,
     sum_at_nodes,
 )
-from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 #: Stiffness times cell⁴/D of a sheet.
 SHEET_STIFFNESS = 1024.0
@@ -47,6 +47,9 @@ SOLID_STIFFNESS = 16.0
 #: a sheet touches down, its place, slope and curvature are those of the obstacle, so that the line
 #: of contact does not move to first order.
 SUPPORT = 1e3
+#: Samples up to this share of the largest depth away from the obstacle are held, too: behind a line
+#: of contact a sheet on springs rises again, by up to a fifth of their depth as measured.
+NEAR = 0.3
 
 #: A sample slides if its friction is at least this share of the limit.
 _SLIDES = 1.0 - 1e-6
@@ -239,7 +242,8 @@ class ObstacleState(TermState):
         self._obstacle, samples, self._count = term, term.samples, len(positions)
         self._points = samples.positions(positions)
         gap = term.obstacle.gap(self._points.reshape(-1, 3)) - term.offset
-        depth = np.maximum(-gap.reshape(samples.areas.shape), 0.0)
+        self._gap = gap.reshape(samples.areas.shape)
+        depth = np.maximum(-self._gap, 0.0)
         #: (E,) Elements of which a sample touches.
         self.elements = np.flatnonzero(depth.any(axis=1))
         part = self.elements
@@ -316,35 +320,45 @@ class ObstacleState(TermState):
 
     def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
         """Compute the tangent; without its share of the obstacle's curvature, which is negative."""
-        return self._assemble(1.0, removed, self._friction_tangent())
+        normal, curvature = self._distance
+        springs = (self._springs * self._inside)[..., None, None]
+        each = springs * normal[..., :, None] * normal[..., None, :]
+        each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
+        return self._assemble(self.elements, each + self._friction_tangent())
 
     def tangent_at_rest(self, removed: float = 0.0) -> Floats:
         """Compute the tangent with what touches held as by supports, and friction constant."""
-        # Samples that stick are held across the normal, too.
-        sticks: Floats | float = 0.0
+        term = self._obstacle
+        held = self._gap < NEAR * self.depth.max(initial=0.0)
+        part = np.flatnonzero(held.any(axis=1))
+        held = held[part]
+        normal, curvature = np.zeros((*held.shape, 3)), np.zeros((*held.shape, 3, 3))
+        found = term.obstacle.distance(self._points[part][held])
+        normal[held], curvature[held] = found.gradient, found.curvature
+        springs = term.stiffness * term.samples.areas[part] * held
+        press = springs * np.maximum(-self._gap[part], 0.0)
+        each = SUPPORT * springs[..., None, None] * normal[..., :, None] * normal[..., None, :]
+        each -= ((1.0 - removed) * press)[..., None, None] * curvature
         if self._slip is not None:
+            # Samples that stick are held across the normal, too.
             _, length, secant = self._slip
-            held = (self._inside & (secant * length < _SLIDES * self._limit)) * secant
-            sticks = SUPPORT * held[..., None, None] * self._across
-        return self._assemble(SUPPORT, removed, sticks)
+            sticks = (self._inside & (secant * length < _SLIDES * self._limit)) * secant
+            rows = np.searchsorted(part, self.elements)
+            each[rows] += SUPPORT * sticks[..., None, None] * self._across
+        return self._assemble(part, each)
 
-    def _assemble(self, factor: float, removed: float, friction: Floats | float) -> Floats:
-        """Assemble springs along the normal, times a factor, their curvature, and friction."""
+    def _assemble(self, elements: Ints, each: Floats) -> Floats:
+        """Assemble matrices (e, m, 3, 3) at the samples of some elements by the nodes of all."""
         samples = self._obstacle.samples
         count, size = len(samples.nodes), samples.nodes.shape[1]
         result = np.zeros((count, 3 * size, 3 * size))
-        if not len(self.elements):
+        if not len(elements):
             return result
-        normal, curvature = self._distance
-        springs = (factor * self._springs * self._inside)[..., None, None]
-        each = springs * normal[..., :, None] * normal[..., None, :]
-        each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
-        each += friction
         products = samples.weights[:, :, None] * samples.weights[:, None, :]
         products = products.reshape(len(products), -1)
         blocks = each.reshape(*each.shape[:2], 9).swapaxes(1, 2) @ products
         blocks = blocks.reshape(-1, 3, 3, size, size).transpose(0, 3, 1, 4, 2)
-        result[self.elements] = blocks.reshape(-1, 3 * size, 3 * size)
+        result[elements] = blocks.reshape(-1, 3 * size, 3 * size)
         return result
 
     @property
