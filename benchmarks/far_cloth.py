@@ -1,10 +1,12 @@
 """Differences between cloth drawn from afar and the same cloth drawn yarn by yarn, in codes of 255.
 
     python benchmarks/far_cloth.py [--pixels 1.3] [--tilts 0,30,50,65] [--section lens]
+    python benchmarks/far_cloth.py --weaves scenes/drafts/overshot.wif --colors own,white,black
 
 The near picture has many times the size and is averaged in linear light over each pixel. Both have
 one camera. Each row gives, for a weave and its colours, the mean difference (far minus near) over
-the cloth for each tilt of the camera, and in brackets the largest of 16 regions.
+the cloth for each tilt of the camera, and in brackets the largest of 16 regions. A weave can be the
+file of a draft, and the colours "own" are those of the draft.
 """
 
 from __future__ import annotations
@@ -62,23 +64,27 @@ def draw(scene: Scene, size: int, view: Viewpoint) -> tuple[Image, Picture]:
 
 def compare(weave: dict[str, Any], yarns: int, pixels: float, tilt: float) -> tuple[Image, Image]:
     """Return the codes of 4 x 4 regions from afar and near."""
-    distance, turn = 60 * yarns * SPACING, math.radians(25)
-    angle = math.radians(tilt)
-    place = np.array([math.sin(turn) * math.sin(angle), -math.cos(turn) * math.sin(angle)])
-    eye = (*(distance * place), distance * math.cos(angle))
-    # A square in the middle, which the cloth fills at any tilt.
-    half = 0.14 * yarns * SPACING
-    view = Viewpoint(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.05), half)
-    side = 8 * round(2 * half * pixels / SPACING / 8)
-    fine = math.ceil(10 / pixels)
     values = {
         "weave": {**weave, "ends": yarns, "picks": yarns},
         "view": {"camera": "face", "irregularity": 0.0},
     }
+    scene = Scene(values)
+    assert scene.woven is not None
+    spacings = [threads.mean_spacing(0.0) for threads in scene.woven.cloth.threads]
+    spacing = max(spacings)
+    distance, turn = 60 * yarns * spacing, math.radians(25)
+    angle = math.radians(tilt)
+    place = np.array([math.sin(turn) * math.sin(angle), -math.cos(turn) * math.sin(angle)])
+    eye = (*(distance * place), distance * math.cos(angle))
+    # A square in the middle, which the cloth fills at any tilt.
+    half = 0.14 * yarns * min(spacings)
+    view = Viewpoint(eye, (0.0, 0.0, 0.0), (0.0, 1.0, 0.05), half)
+    side = 8 * round(2 * half * pixels / spacing / 8)
+    fine = math.ceil(10 / pixels)
     near, picture = draw(Scene({**values, "surface": {"subdivisions": 5}}), fine * side, view)
     assert picture.sheet is None
     many, level_of_detail.MANY_PATCHES = level_of_detail.MANY_PATCHES, 0
-    far, picture = draw(Scene(values), side, view)
+    far, picture = draw(scene, side, view)
     level_of_detail.MANY_PATCHES = many
     assert picture.sheet is not None
     assert picture.pieces is None
@@ -104,9 +110,10 @@ def main() -> None:
     print("weave, colours".ljust(28), *(f"{tilt:.0f} degrees".rjust(16) for tilt in tilts))
     for pattern in given.weaves.split(","):
         for name in given.colors.split(","):
-            warp, weft = COLORS[name]
-            weave = {"pattern": pattern, "warp_color": warp, "weft_color": weft}
-            for family in ("warp", "weft"):
+            weave = {"draft": pattern} if "." in pattern else {"pattern": pattern}
+            if name != "own":
+                weave["warp_color"], weave["weft_color"] = COLORS[name]
+            for family in ("warp", "weft") if "pattern" in weave else ():
                 weave |= {f"{family}_{key}": v for key, v in SECTIONS[given.section].items()}
                 weave[f"{family}_spacing"] = SPACING
             cells = []

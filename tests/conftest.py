@@ -369,11 +369,11 @@ def draft_of(open_scene: Any) -> Any:
     from PySide6.QtGui import QColor
     from window import settled, wait_until
 
-    def open_(scene: object) -> Any:
+    def open_(scene: object, wait: bool = True) -> Any:
         window = open_scene(str(scene), wait=False)
         draft = window.draft
         window.tabs.setCurrentWidget(draft)
-        wait_until(lambda: settled(window))
+        wait_until(lambda: not wait or settled(window))
         draft.grid.color = QColor("#2d6a8e")
         for tool in (draft.colors_button, draft.cloth_button):
             tool.setChecked(True)

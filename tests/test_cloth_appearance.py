@@ -9,6 +9,7 @@ import pytest
 
 from spacemap_vtk.draw.actors.cloth_appearance import (
     NODES,
+    REACH,
     TILTS,
     TURNS,
     ClothAppearance,
@@ -29,11 +30,12 @@ def test_open_share_is_that_of_the_gaps() -> None:
         weft=Threads(diameter=0.2, spacing=0.6),
     )
     table = ClothAppearance(cloth).tables(tilted=False).views[0]
-    shares = table[: NODES**2].sum(axis=0)
+    shares = table[: NODES**2, :2].sum(axis=0)
     warp, weft = 0.3 / 0.5, 0.2 / 0.6
     assert table[-1, 0] == pytest.approx((1 - warp) * (1 - weft), abs=0.01)
-    # On top, a yarn shows all of its width; below, only what the other leaves.
-    assert shares == pytest.approx([warp, weft, warp * (1 - weft), weft * (1 - warp)], abs=0.015)
+    # At half of the crossings a yarn lies on top and shows all of its width; at the others, what
+    # the other leaves.
+    assert shares == pytest.approx([warp * (1 - weft / 2), weft * (1 - warp / 2)], abs=0.015)
 
 
 def test_normals_of_a_tube_are_those_of_a_circle() -> None:
@@ -58,6 +60,25 @@ def test_less_is_open_the_more_the_cloth_is_tilted() -> None:
     assert (np.diff(front, axis=0) < 0.0).all()
     # Seen along the picks, the gaps between ends close where their projected width is zero.
     assert front[-1].max() < 0.01
+
+
+def test_each_place_has_the_shares_of_its_own_weave() -> None:
+    threads = Threads(diameter=0.25, spacing=0.5)
+    made = ClothAppearance(Cloth(drawdown=PLAIN, warp=threads, weft=threads))
+    shares = made.light_shares(1, shadows=False)[made.numbers]
+    over, width = PLAIN == 1, 0.5
+    assert np.mean(shares[over], axis=0)[:, REACH] == pytest.approx(
+        [width, width * (1 - width)], abs=0.01
+    )
+    assert np.mean(shares[~over], axis=0)[:, REACH] == pytest.approx(
+        [width * (1 - width), width], abs=0.01
+    )
+    # No yarn reaches into the crossing beside it.
+    assert shares.sum(axis=(0, 1, 2))[[0, -1]].max() == 0.0
+    # Shadows move light to the yarns on top and keep the mean.
+    shaded = made.light_shares(1, shadows=True)[made.numbers]
+    assert shaded.mean(axis=(0, 1)) == pytest.approx(shares.mean(axis=(0, 1)), abs=1e-3)
+    assert (shaded[over][:, 0, REACH] > shares[over][:, 0, REACH]).all()
 
 
 def test_a_cloth_of_one_crossing_has_an_appearance() -> None:

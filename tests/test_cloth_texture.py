@@ -4,40 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
+from spacemap_vtk.textile.geometry.cloth_texture import grid_lines, visible_colors
 from spacemap_vtk.textile.geometry.partition import cloth_bounds
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.double_weave import Layers
 from spacemap_vtk.textile.weave.threads import Threads
 
 
-def test_each_crossing_has_its_two_yarns_once() -> None:
+def test_a_crossing_has_the_colours_of_the_yarns_that_are_visible_there() -> None:
     random = np.random.default_rng(3)
-    drawdown = random.random((5, 7)) < 0.5
-    warp, weft = (random.integers(1, 256, (n, 3), np.uint8) for n in (7, 5))
-    ends_over, picks_over, ends_under, picks_under = color_layers(drawdown, warp, weft)
-    assert np.array_equal(
-        ends_over[..., :3] + ends_under[..., :3], np.broadcast_to(warp, (5, 7, 3))
-    )
-    both = picks_over[..., :3] + picks_under[..., :3]
-    assert np.array_equal(both, np.broadcast_to(weft[:, None], (5, 7, 3)))
-    assert np.array_equal(ends_over[..., 3] == 255, drawdown)
-    assert np.array_equal(picks_over[..., 3] == 255, ~drawdown)
-
-
-def test_the_rear_cloth_is_shaded_on_both_faces() -> None:
-    plain = np.indices((8, 8)).sum(axis=0) % 2 == 0
-    drawdown = np.zeros((8, 8), dtype=bool)
-    drawdown[::2, ::2], drawdown[1::2, 1::2], drawdown[1::2, ::2] = plain[:4, :4], plain[:4, :4], 1
-    second = np.arange(8) % 2 == 1
-    white = np.full((1, 3), 200, np.uint8)
-    made = color_layers(drawdown, white, white, Layers(drawdown, second, second))
-    front, back = (one[..., 0] + two[..., 0] for one, two in (made[:2], made[2:]))
-    assert (front[::2] == 200).all()
-    assert (front[1::2, ::2] == 200).all()
-    assert (front[1::2, 1::2] == 120).all()
-    assert (back[::2, ::2] == 120).all()
-    assert (back[1::2] == 200).all()
+    weaves = random.integers(0, 4, (5, 7))
+    shares = random.random((4, 3), np.float32)
+    for number in (0, 1):
+        yarns = random.random((7 if number == 0 else 5, 3), np.float32)
+        lines = yarns if number == 0 else yarns[:, None]
+        at_crossings = np.broadcast_to(lines, (5, 7, 3))
+        found = visible_colors(weaves, shares, number, yarns)
+        assert np.allclose(found, visible_colors(weaves, shares, number, at_crossings))
+        # A part of the picks is the same part of the whole.
+        part = visible_colors(weaves[2:4], shares, number, yarns, 2)
+        assert np.array_equal(part, found[2:4])
+        for pick, end in ((2, 3), (1, 5), (0, 0)):
+            own = (end, pick)[number]
+            beside = [min(max(own + step, 0), len(yarns) - 1) for step in (-1, 0, 1)]
+            share = shares[weaves[pick, end]]
+            assert np.allclose(found[pick, end, :3], share @ yarns[beside])
+            assert np.isclose(found[pick, end, 3], share.sum())
 
 
 def test_grid_lines_end_at_the_edges_of_the_cloth() -> None:

@@ -13,7 +13,7 @@ from spacemap_vtk.draw.actors.sheet_actor import add_directions, make_sheet, sim
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
-from spacemap_vtk.scenes import level_of_detail
+from spacemap_vtk.scenes import level_of_detail, library
 from spacemap_vtk.scenes.scene import Scene
 
 BLACK, WHITE = "#000000", "#ffffff"
@@ -32,9 +32,12 @@ def codes_of(light: Image) -> Image:
     return 255 * np.where(low, 12.92 * light, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055)
 
 
-def draw(size: tuple[int, int], view: dict[str, Any], **weave: Any) -> tuple[Image, Picture]:
+def draw(
+    size: tuple[int, int], view: dict[str, Any], sides: int | None = None, **weave: Any
+) -> tuple[Image, Picture]:
     prepare_offscreen()  # sheets need OpenGL
-    scene = Scene({"weave": weave, "view": {"camera": "face", "shadows": False, **view}})
+    values = {"weave": weave, "view": {"camera": "face", "shadows": False, **view}}
+    scene = Scene(values if sides is None else {**values, "surface": {"subdivisions": sides}})
     made = Picture(scene, [0.0], size)
     image = made.draw(0.0)[::-1].astype(np.float64)  # the first row below, as picks are counted
     made.close()
@@ -82,6 +85,44 @@ def test_a_pixel_shows_the_mean_of_its_yarns(
     apart = (found[1 : 1 + len(wanted), 1 : 1 + wanted.shape[1]] - wanted)[2:-2, 2:-2]
     assert np.abs(apart.mean(axis=(0, 1))).max() < most
     assert np.abs(apart).mean() < 2.0 * most
+
+
+#: Drafts whose visible yarns are not those of their drawdowns, and a satin with single crossings.
+DRAFTS = {
+    "pattern weft": {"draft": "drafts/monks_belt.wif"},
+    "double weave": {"draft": "double_weave.wif"},
+    "satin": {"draft": "drafts/satin_5.wif", "warp_color": "#102050", "weft_color": "#f0d080"},
+    "overshot": {"draft": "drafts/overshot.wif"},
+    "summer and winter": {"draft": "drafts/summer_and_winter.wif"},
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "pattern weft",
+        "double weave",
+        "satin",
+        pytest.param("overshot", marks=pytest.mark.nightly),
+        pytest.param("summer and winter", marks=pytest.mark.nightly),
+    ],
+)
+def test_far_cloth_has_the_mean_colour_of_near_cloth(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weave = {**DRAFTS[name], "ends": 40, "picks": 40}
+    weave["draft"] = str(library.folder() / weave["draft"])
+    near, seen = draw((480, 480), {"irregularity": 0.0, "shadows": True}, 5, **weave)
+    assert seen.sheet is None
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
+    far, seen = draw((40, 40), {"irregularity": 0.0, "shadows": True}, **weave)
+    assert seen.sheet is not None
+    means = [
+        codes_of(light_of(image[edge:-edge, edge:-edge]).mean(axis=(0, 1)))
+        for image, edge in ((near, 144), (far, 12))
+    ]
+    np.testing.assert_allclose(means[1], means[0], atol=3.0)
 
 
 @pytest.mark.parametrize("pixels", [0.45, pytest.param(0.55, marks=pytest.mark.nightly)])

@@ -110,7 +110,7 @@ def cancel_when_running(window: Any, stage: str) -> None:
 
 def test_cancelled_run_can_be_started_again(open_window: Any) -> None:
     window = open_window()
-    window.document.set_many("cage", {"divisions": [12, 12, 2], "order": 2})
+    window.document.set_many("cage", {"divisions": [9, 9, 2], "order": 2})
     cancel_when_running(window, "modal")
     QTest.mouseClick(window.errors.run_button, Qt.MouseButton.LeftButton)
     assert window.errors.text == ""

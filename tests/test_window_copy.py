@@ -116,7 +116,7 @@ def test_copied_command_names_the_draft_file(open_scene: Any) -> None:
 
 
 def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene: Any) -> None:
-    window = open_scene("twill_2_2")
+    window = open_scene()
     window.tabs.setCurrentWidget(window.figures)
 
     def rows() -> dict[str, list[str]]:
@@ -134,18 +134,18 @@ def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene
     for yarns in window.document.scene.woven.cloth.threads:
         tint = (share * yarns.colors[0] + (1 - share) * paper).round().astype(int)
         assert "#{:02x}{:02x}{:02x}".format(*tint) in colors
-    found, shown = report.report_fabric(Scene.read("twill_2_2")), rows()
+    found, shown = report.report_fabric(Scene.read("plain_weave")), rows()
     assert float(shown["areal mass [g/m2]"][0]) == pytest.approx(1e3 * found["areal_mass"], 1e-5)
     crimp = [100 * found[family]["crimp"] for family in ("warp", "weft")]
     assert [float(c) for c in shown["crimp c [%]"]] == pytest.approx(crimp, 1e-5)
     assert abs(float(shown["least clearance [mm]"][0])) < 1e-9
-    window.document.set("weave", "ends", 7)
-    wait_until(lambda: rows()["yarns"][0] == "7")
+    window.document.set("weave", "ends", 5)
+    wait_until(lambda: rows()["yarns"][0] == "5")
     # If the cloth cannot be woven, the last good cloth and its figures stay.
     window.document.set("weave", "warp_sett", "90 /cm")
     wait_until(lambda: not window.errors.isHidden())
     for tab in (window.modes, window.figures):
         window.tabs.setCurrentWidget(tab)
     wait_until(lambda: not window.figures._rest_timer.isActive())
-    assert rows()["yarns"][0] == "7"
+    assert rows()["yarns"][0] == "5"
     assert rows()["spacing p [mm]"] == shown["spacing p [mm]"]

@@ -277,7 +277,7 @@ def test_draft_can_be_edited_with_the_keyboard(draft_of: Any, qtbot: Any, twill:
 
 
 def test_draft_with_32_shafts_fits_into_the_tab(draft_of: Any, qtbot: Any) -> None:
-    window = draft_of(library.folder() / "32-shaft_twill.wif")
+    window = draft_of(library.folder() / "32-shaft_twill.wif", wait=False)
     window.splitter.setSizes([260, 300, 640])
     qtbot.wait(50)
     grid, loom = window.draft.grid, read_wif(library.folder() / "32-shaft_twill.wif").loom

@@ -268,7 +268,7 @@ def test_yarn_colours_are_written_as_their_repeat() -> None:
 
 def test_edited_draft_keeps_the_data_of_its_file(draft_of: Any, qtbot: Any) -> None:
     source = library.folder() / "32-shaft_twill.wif"
-    window = draft_of(source)
+    window = draft_of(source, wait=False)
     before = window.document.scene.woven.cloth
     click(qtbot, window, "threading", 31, 1)
     now = window.document.scene.source

@@ -109,7 +109,7 @@ def test_pattern_can_be_painted_with_the_mouse(open_scene: Any) -> None:
 def test_swatch_opens_a_dialog_with_its_colour(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_scene("tartan")
+    window = open_scene("tartan", wait=False)
     colors = editor(window, "weave", "warp_color")
     colors_before: list[str] = []
 
@@ -282,7 +282,6 @@ def test_restoring_a_value_clears_the_error(open_scene: Any, again: Any) -> None
     ):
         if window.document.source.stem != scene:
             window.document.open(scene)
-            wait_until(lambda: settled(window))
         line, row = editor(window, section, name).line, window.properties.rows[name]
         right = line.text()
         type_into(line, wrong)
@@ -295,7 +294,7 @@ def test_restoring_a_value_clears_the_error(open_scene: Any, again: Any) -> None
 
 
 def test_picture_size_starts_with_the_automatic_size(open_scene: Any) -> None:
-    window = open_scene("handweaving")
+    window = open_scene("handweaving", wait=False)
     window.document.set("view", "size", None)
     window.stages.select("view")
     row = window.properties.rows["size"]
@@ -303,7 +302,6 @@ def test_picture_size_starts_with_the_automatic_size(open_scene: Any) -> None:
     row.automatic.click()
     assert window.document.value_in_file("view", "size") == [1280, 1280]
     assert window.errors.text == ""
-    wait_until(lambda: settled(window))
 
 
 def test_undo_first_restores_a_refused_value(open_scene: Any) -> None:

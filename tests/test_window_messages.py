@@ -20,6 +20,13 @@ from spacemap_vtk.errors import SolverError  # noqa: E402
 from spacemap_vtk.scenes import report  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
+#: A scene whose frames are drawn quickly.
+SMALL = """
+weave = { ends = 3, picks = 3 }
+cage = { divisions = [2, 2, 1] }
+response = {}
+"""
+
 
 def frames_drawn(window: Any, count: int) -> None:
     """Wait for a number of further frames."""
@@ -37,7 +44,9 @@ def play(window: Any) -> None:
 def test_messages_stay_while_playing(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_scene()
+    scene = tmp_path / "small.toml"
+    scene.write_text(SMALL)
+    window = open_scene(scene)
     play(window)
     # A refused value, until the field is valid.
     window.stages.select("weave")

@@ -213,6 +213,8 @@ def test_equilibrium_displacement_can_be_shown_in_colour(open_scene: Any, strip:
     assert not window.tools.colorings["equilibrium"].isVisible()
 
 
+# test_equilibrium.py cancels the search, and test_window_cancel.py the other long stages.
+@pytest.mark.nightly
 def test_equilibrium_reports_progress_and_can_be_cancelled(open_window: Any, strip: Path) -> None:
     window = open_window(str(strip))
     frame = window.view.frame

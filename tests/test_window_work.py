@@ -87,12 +87,12 @@ def test_recent_files_can_be_opened(open_scene: Any, tmp_path: Path) -> None:
 
 
 def test_file_dropped_on_the_view_opens_after_asking(
-    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    open_scene: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window = open_scene()
     window.document.set("weave", "ends", 5)
     data = QMimeData()
-    data.setUrls([QUrl.fromLocalFile(str(library.folder() / "32-shaft_twill.wif"))])
+    data.setUrls([QUrl.fromLocalFile(str(twill.with_suffix(".wif")))])
 
     def drop() -> None:
         window.dropEvent(
@@ -111,7 +111,7 @@ def test_file_dropped_on_the_view_opens_after_asking(
     monkeypatch.setattr(QMessageBox, "question", lambda *_: QMessageBox.StandardButton.Discard)
     drop()
     wait_until(lambda: settled(window))
-    assert window.document.source.name == "32-shaft_twill.wif"
+    assert window.document.source.name == "twill.wif"
 
 
 def test_every_kind_of_change_can_be_undone_and_redone(open_scene: Any) -> None:

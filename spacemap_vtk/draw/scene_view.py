@@ -334,9 +334,9 @@ class SceneView:
         sheet = frame.surface if frame.surroundings is None else frame.surroundings
         style = self._view.resolved_style
         # The sheet gets contact shadows only if yarns would get them too.
-        self.sheet.show_sheet(sheet, cloth, frame.color, self._span, style, frame.crossings)
         strength = self.occlusion if self.has_shadows else 0.0
         self.sheet.set_shadow_strength(strength)
+        self.sheet.show_sheet(sheet, cloth, frame.color, self._span, style, frame.crossings)
         self.sheet.set_hole_color(hole_color(cloth) if strength > 0.0 else None)
         self._set_representation(self.sheet)
 

@@ -214,7 +214,9 @@ def choose_level(
     sides = cloth.subdivisions or sides_for_pixels(scale * cloth.height)
     size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if flat_cloth(scene) else None
-    form = choose_method(cloth, face, fits_in_memory(size), opengl=opengl, window=window)
+    # The estimate holds within a factor of two, and a sheet is always possible.
+    fit = fits_in_memory(2 * size)
+    form = choose_method(cloth, face, fit, opengl=opengl, window=window)
     if form is DrawingMethod.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)
         return LevelOfDetail(form, sides, bytes=size)

@@ -54,7 +54,7 @@ _MOVING_CELLS = 48
 #: Yarns that are built only near the camera, in front of a sheet, have fibres.
 _FIBRED = 60_000
 #: Facets are kept while the camera turns if there are at most so many times the needed number.
-_SPARE = 3.0
+_SPARE = 1.25
 #: A surface with more quadrilaterals is replaced by a coarser one while the camera moves.
 _HEAVY_QUADS = 150_000
 

@@ -1,25 +1,28 @@
 """Tables of how a cloth looks from afar, measured on the yarns that near pictures show.
 
 A part of the cloth with each local weave is viewed from a grid of directions. For each view, the
-visible surface is sorted by layer (warp or weft, on top or below) and by its normal. A sheet sums
-the light of a style over these normals, so that its mean light is that of the yarns, for any weave,
-section and light. Nothing is fitted.
+visible surface is sorted by family and by its normal. A sheet sums the light of a style over these
+normals, so that its mean light is that of the yarns, for any weave, section and light. Nothing is
+fitted.
 
-For yarns that are a few pixels wide, the view of the face is also kept crossing by crossing, as a
-tile for each local weave.
+From the view of each face also follows, for each local weave, which yarns are visible there and how
+much light arrives at them, relative to the mean of the cloth. So each place has the shade of its
+own weave. For yarns that are a few pixels wide, this view is kept crossing by crossing, as a tile
+for each local weave.
 """
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import fields, is_dataclass
+from itertools import product
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.ndarrays import Floats, Ints, Singles
+from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.partition import crop_cloth, representative_parts
 from spacemap_vtk.textile.geometry.visible_surface import (
@@ -40,6 +43,8 @@ TURNS = 8
 NODES = 9
 #: Strength of contact shadows for which means of exposures are exact: about that of all styles.
 _SHADOWS = 0.6
+#: Neighbours on both sides of a crossing whose yarns may be visible there.
+REACH = 1
 #: Texels along each side of the tile of a crossing, a power of 2.
 TILE = 8
 #: Tiles in a row of the texture of tiles.
@@ -50,6 +55,8 @@ _MOST_CROSSINGS = 256
 _MARGIN = 2
 #: Crossings along each side of the part that is viewed from other directions than the face.
 _TILTED = 12
+#: Crossings from one place that is tried for this part to the next.
+_STEP = 2
 #: Pixels of a view along each side of a crossing: of the face, and from other directions.
 _PIXELS = 12.37
 _TILTED_PIXELS = 6.37
@@ -59,10 +66,9 @@ class AppearanceTables(NamedTuple):
     """Tables for the shaders of `spacemap_vtk.draw.actors.sheet_actor`."""
 
     views: Singles
-    """For each view, the share of a crossing that each normal fills, and then the exposure of that
-    share, (views, 2 NODES² + 1, 4). Views are ordered by face (front, back), tilt and turn. The
-    layers are warp on top, weft on top, warp below, weft below. For a yarn on top, shares are
-    counted per crossing where it lies on top. The last column is the share that is open."""
+    """For each view, the share of a crossing that each normal of the warp and of the weft fills,
+    and the exposures of both, (views, NODES² + 1, 4). Views are ordered by face (front, back), tilt
+    and turn. The last column is the share that is open."""
     tiles: NDArray[np.uint8]
     """Texture of the tiles, (rows, columns, 4): six blocks of rows, one above the other. First for
     warp and weft on the front, then on the back: normal and share. Then the exposures of these
@@ -80,20 +86,17 @@ class ClothAppearance:
             sample_surface(crop, YarnSelection(ends, picks), _PIXELS) for ends, picks in parts
         ]
         self._sizes = [each.size for each in self._facets]
-        ends, picks = (slice(each.start, min(each.stop, each.start + _TILTED)) for each in parts[0])
-        self._tilted_facets = sample_surface(crop, YarnSelection(ends, picks), _TILTED_PIXELS)
-        self._tilted_size, self._spacing = self._tilted_facets.size, self._tilted_facets.spacing
-        self._tilted_weights = np.zeros(self._tilted_size[::-1])
-        inner = tuple(
-            slice(_MARGIN, count - _MARGIN) if count > 2 * _MARGIN else slice(0, count)
-            for count in self._tilted_weights.shape
-        )
-        weights = self._weights[0][inner]
-        self._tilted_weights[inner] = weights if weights.any() else 1.0
+        tilted = _typical_part(weaves, parts[0])
+        self._tilted_facets = sample_surface(crop, YarnSelection(*tilted), _TILTED_PIXELS)
+        self._spacing = self._tilted_facets.spacing
+        self._tilted_weights = weights_of_crossings(weaves, [tilted], _MARGIN)[0]
+        self._tilted_drawdown = crop.drawdown[tilted[1], tilted[0]]
         self._drawdowns = [crop.drawdown[picks, ends] for ends, picks in parts]
         self._weaves = [weaves[picks, ends] for ends, picks in parts]
         self._views: dict[tuple[float, float, int], list[VisibleSurface]] = {}
         self._tables: dict[bool, AppearanceTables] = {}
+        self._light_shares: dict[tuple[int, bool], Singles] = {}
+        self._warp_over = float(cloth.drawdown.mean())
         #: Tile of each crossing of the cloth.
         self.numbers = self._number_tiles(cloth, crop, weaves)
 
@@ -123,12 +126,8 @@ class ClothAppearance:
                     # From the opposite side, a cloth looks the same, turned by half a turn.
                     rows += half
                     for row, open_ in half:
-                        turned = row.reshape(4, 2, -1)[..., ::-1].reshape(4, -1)
-                        rows.append((turned, open_))
-            views = [
-                np.concatenate([row.reshape(4, -1).T, np.full((1, 4), open_)])
-                for row, open_ in rows
-            ]
+                        rows.append((row[:, ::-1], open_))
+            views = [np.concatenate([row.T, np.full((1, 4), open_)]) for row, open_ in rows]
             self._tables[tilted] = AppearanceTables(
                 np.stack(views).astype(np.float32), self._tiles()
             )
@@ -147,14 +146,13 @@ class ClothAppearance:
         return self._views[view]
 
     def _row(self, view: tuple[float, float, int]) -> tuple[Floats, float]:
-        """Return shares and exposures of normals, (4, 2 NODES²), and the open share."""
+        """Return shares and exposures of normals, (4, NODES²), and the open share."""
         tables = np.zeros((2, 4, NODES, NODES))
         on_top, open_, whole = np.zeros(2), 0.0, 0.0
         for number, visible in enumerate(self._visible(view)):
             weights, drawdown = self._weights[number], self._drawdowns[number]
             if view[0] > 0.0:
-                ends, picks = self._tilted_size
-                weights, drawdown = self._tilted_weights, drawdown[:picks, :ends]
+                weights, drawdown = self._tilted_weights, self._tilted_drawdown
             weights, warp_over = weights.ravel(), drawdown.ravel() == (view[2] > 0)
             weight = np.where(visible.crossing >= 0, weights[visible.crossing], 0.0)
             pixels = self._spacing[0] * self._spacing[1] / visible.pixel**2
@@ -174,12 +172,70 @@ class ClothAppearance:
             open_ += float(weight[family < 0].sum()) / pixels
             whole += float(weights.sum())
             on_top += [weights[warp_over].sum(), weights[~warp_over].sum()]
+        # The part may have another share of crossings with warp on top than the whole cloth.
         crossings = np.concatenate([on_top, on_top[::-1]])
+        upper = self._warp_over if view[2] > 0 else 1.0 - self._warp_over
+        parts = np.array([upper, 1.0 - upper, 1.0 - upper, upper])
+        tables *= (parts / np.maximum(crossings, 1e-9))[:, None, None]
+        tables = tables[:, :2] + tables[:, 2:]
         # The exposure at which as much light arrives as at all of these.
         mean = np.sqrt(tables[1] / np.maximum(tables[0], 1e-12))
         tables[1] = np.where(tables[0] > 0.0, 1.0 - (1.0 - mean) / _SHADOWS, 1.0)
-        tables[0] /= np.maximum(crossings, 1e-9)[:, None, None]
-        return tables.transpose(1, 0, 2, 3).reshape(4, -1), open_ / whole
+        return tables.reshape(4, -1), open_ / whole
+
+    def light_shares(self, side: int, shadows: bool) -> Singles:
+        """Return how much light each local weave sends to the eye, (tiles, 2, 2 REACH + 1)."""
+        # For warp and weft, and for the yarn of a crossing between its neighbours: the visible
+        # share of the crossing, times the light that arrives there over the mean of the family. So
+        # the mean over the whole cloth is the visible share of the family. `side` is 1 for the face
+        # and -1 for the reverse; without `shadows` all light arrives.
+        if (side, shadows) in self._light_shares:
+            return self._light_shares[side, shadows]
+        width = 2 * REACH + 1
+        shape = self._tile_count, 2, width
+        pixels, sums = np.zeros(self._tile_count), np.zeros((2, *shape))
+        for number, visible in enumerate(self._visible((0.0, 0.0, side))):
+            drawn, tiles = self._tiles_of(number, visible)
+            cell = np.floor(visible.place[drawn]).astype(int)
+            family, yarn = visible.family[drawn], visible.yarn[drawn]
+            shown = family >= 0
+            own = np.take_along_axis(cell, np.maximum(family, 0)[:, None], axis=1)[:, 0]
+            step = np.clip(yarn - own, -REACH, REACH) + REACH
+            arrived = (1.0 - _SHADOWS * (1.0 - visible.exposure[drawn])) ** 2
+            for tile in tiles:
+                pixels += np.bincount(tile, minlength=self._tile_count)
+                place = ((2 * tile + family) * width + step)[shown]
+                sums[0] += np.bincount(place, minlength=sums[0].size).reshape(shape)
+                sums[1] += np.bincount(place, arrived[shown], sums[0].size).reshape(shape)
+        sums /= np.maximum(pixels, 1.0)[:, None, None]
+        if shadows:
+            counts = np.bincount(self.numbers.ravel(), minlength=self._tile_count)
+            share, light = np.einsum("t,atfs->af", counts, sums)
+            sums[0] = sums[1] * (share / np.maximum(light, 1e-9))[:, None]
+        self._light_shares[side, shadows] = made = sums[0].astype(np.float32)
+        return made
+
+    def visible_normals(self, strength: float) -> tuple[Floats, Floats]:
+        """Return the normals that are visible of the face, (n, 3), and how much light they get."""
+        # The amounts have the sum 1 if shadows have no strength.
+        face = self._row((0.0, 0.0, 1))[0]
+        steps = np.linspace(-1.0, 1.0, NODES)
+        y, x = np.meshgrid(steps * np.abs(steps), steps * np.abs(steps), indexing="ij")
+        square = x**2 + y**2
+        normals = np.stack([2.0 * x, 2.0 * y, 1.0 - square], axis=-1) / (1.0 + square)[..., None]
+        amounts = face[:2] * (1.0 - strength * (1.0 - face[2:])) ** 2
+        return normals.reshape(-1, 3), amounts.sum(axis=0) / face[:2].sum()
+
+    def _tiles_of(self, number: int, visible: VisibleSurface) -> tuple[Bools, list[Ints]]:
+        """Return which pixels of a part's view belong to tiles, and the two tiles of each."""
+        cells = np.floor(visible.place).astype(int)
+        ends, picks = self._sizes[number]
+        drawn = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
+        end, pick = np.clip(cells, 0, (ends - 1, picks - 1)).transpose(2, 0, 1)
+        drawn &= self._weights[number][pick, end] > 0.0
+        end, pick = end[drawn], pick[drawn]
+        weave, upper = self._weaves[number][pick, end], self._drawdowns[number][pick, end]
+        return drawn, [self._tile_of_weave[weave], self._tile_count - 2 + upper]
 
     def _tiles(self) -> NDArray[np.uint8]:
         """Return the texture of the tiles."""
@@ -187,20 +243,14 @@ class ClothAppearance:
         sums, pixels = np.zeros((2, texels, 2, 5)), np.zeros((2, texels))
         for side, view in enumerate(((0.0, 0.0, 1), (0.0, 0.0, -1))):
             for number, visible in enumerate(self._visible(view)):
-                cells = np.floor(visible.place).astype(int)
-                ends, picks = self._sizes[number]
-                drawn = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
-                end, pick = np.clip(cells, 0, (ends - 1, picks - 1)).transpose(2, 0, 1)
-                drawn &= self._weights[number][pick, end] > 0.0
-                end, pick = end[drawn], pick[drawn]
+                drawn, numbers = self._tiles_of(number, visible)
                 across, along = (visible.place[drawn] % 1.0 * TILE).astype(int).T
                 family = visible.family[drawn]
                 shown = family >= 0
                 ones = np.ones((len(family), 1))
                 normals = visible.normals[drawn] * (1, 1, view[2])
                 values = np.hstack([normals, ones, visible.exposure[drawn][:, None]])[shown]
-                weave, upper = self._weaves[number][pick, end], self._drawdowns[number][pick, end]
-                for tile in (self._tile_of_weave[weave], count - 2 + upper):
+                for tile in numbers:
                     texel = tile * TILE**2 + along * TILE + across
                     pixels[side] += np.bincount(texel, minlength=texels)
                     place = 2 * texel[shown] + family[shown]
@@ -259,6 +309,28 @@ def _compute_digest(cloth: Cloth) -> bytes:
 
     update(cloth)
     return digest.digest()
+
+
+def _typical_part(weaves: Ints, part: tuple[slice, slice]) -> tuple[slice, slice]:
+    """Return the ends and picks in a part whose local weaves cover most of the cloth."""
+    share = np.bincount(weaves.ravel()) / weaves.size
+    starts = [range(each.start, max(each.stop - _TILTED, each.start) + 1, _STEP) for each in part]
+    found = (
+        tuple(
+            slice(start, min(start + _TILTED, each.stop))
+            for start, each in zip(at, part, strict=True)
+        )
+        for at in product(*starts)
+    )
+
+    def covered(chosen: tuple[slice, ...]) -> float:
+        inner = weaves[chosen[1], chosen[0]]
+        if min(inner.shape) > 2 * _MARGIN:
+            inner = inner[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]
+        return float(share[np.unique(inner)].sum())
+
+    ends, picks = max(found, key=covered)
+    return ends, picks
 
 
 def _middle_part(cloth: Cloth) -> Cloth:

@@ -172,6 +172,23 @@ def lighting_tables(style: Style, point: float) -> tuple[Floats, Floats]:
     )
 
 
+def mean_light(style: Style, normals: Floats, amounts: Floats) -> tuple[float, float]:
+    """Return the coloured (green) and the white light that normals reflect to a camera above."""
+    # As `reflectedLight` in the shaders, which also compresses the light of bright surfaces.
+    triples, _ = _constants(style, 1.0)
+    up = 0.5 + 0.5 * normals[:, 1]
+    received = triples["earth"][1] * (1.0 - up) + triples["sky"][1] * up
+    for k in range(_MAX_LAMPS):
+        reached = np.maximum(normals @ triples[f"towards{k}"] + style.wrap, 0.0)
+        received = received + reached * triples[f"lamp{k}"][1]
+    front = np.maximum(normals[:, 2], 0.0)
+    received = received * (1.0 - style.facing * np.maximum(1.0 - front / 0.75, 0.0) ** 2)
+    rim = style.sheen * (1.0 - front) ** 3
+    white = style.gloss * np.maximum(normals @ triples["halfway"], 0.0) ** style.gloss_power
+    colored = received * (1.0 - style.gloss - rim)
+    return float(amounts @ colored), float(amounts @ (white + rim * received))
+
+
 def set_lighting(actor: vtkActor, light: str, looks_of: vtkPolyDataMapper | None = None) -> None:
     """Light an actor in its fragment shader by the code that `lighting_code` returns."""
     # `looks_of` is the mapper of a surface with the array LOOK; without, all of it is exposed.

@@ -42,7 +42,7 @@ from spacemap_vtk.draw.actors.cloth_appearance import (
     appearance_of,
 )
 from spacemap_vtk.draw.actors.color_values import COLOR_VALUES
-from spacemap_vtk.draw.actors.lighting import lighting_code
+from spacemap_vtk.draw.actors.lighting import lighting_code, mean_light
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
     STUDIO,
@@ -52,17 +52,23 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
-from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Ints
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Floats, Ints, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import texture_halvings
 from spacemap_vtk.scenes.styles import Style
-from spacemap_vtk.textile.geometry.cloth_texture import color_layers, grid_lines
+from spacemap_vtk.textile.geometry.cloth_texture import grid_lines, visible_colors
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Names of the textures of colours. The first two store a yarn's colour where it lies on top and 0
-#: elsewhere. The last two store its colour everywhere; their alpha is 1 where it lies on top. Means
-#: over several crossings need all four textures, a single texel only the last two.
-_LAYERS = ("warpOver", "weftOver", "warpColors", "weftColors")
+#: Names of the textures of colours, and the face and family that they show. A texel contains the
+#: colours of the visible yarns of a crossing, each times the light that it sends to the eye.
+_LAYERS = {
+    "warpFront": (1, 0),
+    "weftFront": (1, 1),
+    "warpBack": (-1, 0),
+    "weftBack": (-1, 1),
+}
+#: Light of a whole crossing over the mean light of its family that fits into a texel.
+_MOST_LIGHT = 1.6
 #: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
 #: power.
 _LEVELS = 6
@@ -70,8 +76,6 @@ _LEVELS = 6
 _BAND = 512
 #: Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
 _MOST_TEXELS = 400
-#: Light of a closed cloth relative to that of a plane, roughly: colours are mixed as seen in it.
-_REFLECTED = 0.7
 #: Largest number of texels of tiles that a pixel sums along each side.
 _MOST_TILE_TEXELS = 4.5
 #: Yarns wider than this number of pixels are drawn by their tiles.
@@ -88,10 +92,10 @@ _VERTEX_DECLARATIONS = """
 in vec3 warpMC;
 in vec3 weftMC;
 uniform sampler2D views;  // shares and exposures of normals, see ClothAppearance
-out vec4 lightVS[4];  // mean light of warp and weft, on top and below, if the yarns are black
-out vec4 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
-out vec4 coverVS;  // share of a crossing that each of these fills
-out vec4 gainVS, whiteGainVS, coverGainVS;  // light and shares, relative to those of the tiles
+out vec4 lightVS[2];  // mean light of warp and weft if the yarns are black
+out vec2 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
+out vec2 gainVS, whiteGainVS;  // light relative to that of the tiles
+out vec2 coverGainVS;  // share of a crossing relative to that seen from the face
 out vec2 openVS;  // share of a crossing that is open, and relative to that of the tiles
 out float heightVS;
 out vec3 warpVS, weftVS, eyeVS;
@@ -103,6 +107,7 @@ const float TILT[TILTS] = float[TILTS]({", ".join(f"{np.radians(t):.6f}" for t i
 const float LEVELS = {float(_LEVELS)}, MOST_TEXELS = {float(_MOST_TEXELS)};
 const int TILE = {TILE}, TILES_IN_ROW = {TILES_IN_ROW};
 const float MOST_TILE_TEXELS = {_MOST_TILE_TEXELS}, TILED = {_TILED};
+const float MOST_LIGHT = {_MOST_LIGHT};
 """
 
 _VERTEX_FUNCTIONS = """
@@ -117,9 +122,9 @@ vec4 sharesOf(int column, int face, int rows, int left, int right, float aside, 
 }
 
 // Share of the light that arrives at an exposure, as for yarns: see `shadedLight`.
-vec4 openTo(vec4 exposure)
+vec2 openTo(vec2 exposure)
 {
-  vec4 open = 1.0 - shaded * (1.0 - exposure);
+  vec2 open = 1.0 - shaded * (1.0 - exposure);
   return open * open;
 }
 """
@@ -144,22 +149,22 @@ _VERTEX = """
   int left = int(turn) % TURNS, right = (left + 1) % TURNS;
   float aside = fract(turn);
   int face = front ? 0 : TILTS * TURNS, rows = face + lower * TURNS;
-  vec4 sums[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
-  vec3 means[4] = vec3[4](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
-  vec4 total = vec4(0.0), ofFace = vec4(0.0), exposed = vec4(0.0);
-  vec4 bounced = vec4(0.0), squares = vec4(0.0);
+  vec4 sums[2] = vec4[2](vec4(0.0), vec4(0.0));
+  vec3 means[2] = vec3[2](vec3(0.0), vec3(0.0));
+  vec2 total = vec2(0.0), ofFace = vec2(0.0), exposed = vec2(0.0);
+  vec2 bounced = vec2(0.0), squares = vec2(0.0);
   for (int node = 0; node < NODES * NODES; ++node)
   {
     vec4 here = texelFetch(views, ivec2(node, face), 0);
-    vec4 share = sharesOf(node, face, rows, left, right, aside, steep);
-    if (share + here == vec4(0.0)) continue;
-    int column = NODES * NODES + node;
-    vec4 open = openTo(sharesOf(column, face, rows, left, right, aside, steep));
+    vec4 seen = sharesOf(node, face, rows, left, right, aside, steep);
+    vec2 share = seen.xy;
+    if (share + here.xy == vec2(0.0)) continue;
+    vec2 open = openTo(seen.zw);
     vec2 t = 2.0 * vec2(node % NODES, node / NODES) / float(NODES - 1) - 1.0, p = t * abs(t);
     vec3 own = vec3(2.0 * p, 1.0 - dot(p, p)) / (1.0 + dot(p, p));
     vec4 light = reflectedLight(normalize(own.x * weft + own.y * warp + own.z * up), eye);
-    vec4 amount = share * open;
-    for (int k = 0; k < 4; ++k)
+    vec2 amount = share * open;
+    for (int k = 0; k < 2; ++k)
     {
       sums[k] += amount[k] * light;
       means[k] += here[k] * own;
@@ -167,13 +172,12 @@ _VERTEX = """
     bounced += light.g * amount / (1.0 - BOUNCE * (1.0 - open));
     squares += light.g * light.g * amount * open;
     total += share;
-    ofFace += here;
-    exposed += here * texelFetch(views, ivec2(column, face), 0);
+    ofFace += here.xy;
+    exposed += here.xy * here.zw;
   }
-  coverVS = total;
   coverGainVS = total / max(ofFace, 1e-3);
   exposed = openTo(exposed / max(ofFace, 1e-6));
-  for (int k = 0; k < 4; ++k)
+  for (int k = 0; k < 2; ++k)
   {
     lightVS[k] = sums[k] / max(total[k], 1e-6);
     vec3 own = means[k] / max(ofFace[k], 1e-6);
@@ -184,7 +188,7 @@ _VERTEX = """
     bounceVS[k] = bounced[k] / max(sums[k].g, 1e-6);
     spreadVS[k] = sqrt(max(squares[k] / max(total[k], 1e-6) / (mean * mean) - 1.0, 0.0));
   }
-  int last = 2 * NODES * NODES;
+  int last = NODES * NODES;
   openVS.x = sharesOf(last, face, rows, left, right, aside, steep).x;
   openVS.y = openVS.x / max(texelFetch(views, ivec2(last, face), 0).x, 1e-3);
   heightVS = 0.5 + 0.5 * place.y / place.w;
@@ -195,9 +199,8 @@ _VERTEX = """
 
 _FRAGMENT_DECLARATIONS = """
 //VTK::TCoord::Dec
-in vec4 lightVS[4];
-in vec4 bounceVS, spreadVS, coverVS, gainVS, whiteGainVS, coverGainVS;
-in vec2 openVS;
+in vec4 lightVS[2];
+in vec2 bounceVS, spreadVS, gainVS, whiteGainVS, coverGainVS, openVS;
 in float heightVS;
 in vec3 warpVS, weftVS, eyeVS;
 """
@@ -220,9 +223,19 @@ vec3 hueOf(vec3 code)
   float room = 1.0 - KNEE;
   vec3 above_ = clamp((code - KNEE) / max(room, 1e-6), 0.0, 0.999);
   vec3 shown = mix(code, KNEE + room * atanh(above_), step(KNEE, code));
-  float part = 0.4 * WHITE;
-  vec3 root = sqrt(max(part * part + 4.0 * LIGHT * (shown * shown - 0.6 * WHITE), 0.0));
-  return max(root - part, 0.0) / (2.0 * LIGHT);
+  float part = 0.4 * mixing.y;
+  vec3 root = sqrt(max(part * part + 4.0 * mixing.x * (shown * shown - 0.6 * mixing.y), 0.0));
+  return max(root - part, 0.0) / (2.0 * mixing.x);
+}
+
+// Colours of the visible yarns of a crossing or block, times their light.
+vec4 colorsOf(int family, ivec2 at, int level)
+{
+  if (gl_FrontFacing)
+    return texelFetch(warpFront, at, level) * float(1 - family)
+      + texelFetch(weftFront, at, level) * float(family);
+  return texelFetch(warpBack, at, level) * float(1 - family)
+    + texelFetch(weftBack, at, level) * float(family);
 }
 
 // Share of a tent of half width 1 on the negative side of a place.
@@ -241,8 +254,7 @@ vec3 meanLight(vec3 hue, vec4 light, float deviation)
   return 0.5 * (decoded(dark_) + decoded(visibleColor(hue, (1.0 + apart) * light, lined)));
 }
 
-// Light of the crossings around a place, each by its area: four layers, from the back of the cloth
-// with the last two on top.
+// Light of the crossings around a place, each by its area.
 vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
 {
   // Many crossings are summed in blocks, which hold the exact means of their crossings.
@@ -254,7 +266,8 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   place /= size;
   vec2 scale = size / reach;
   ivec2 first = ivec2(floor(low)), end = max(ivec2(ceil(high)), first + 1);
-  vec4 texels[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+  vec4 texels[2] = vec4[2](vec4(0.0), vec4(0.0));
+  float whole = 0.0;
   for (int y = first.y; y < end.y; ++y)
   {
     float tall = tent((float(y + 1) - place.y) * scale.y) - tent((float(y) - place.y) * scale.y);
@@ -262,36 +275,20 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     {
       float wide = tent((float(x + 1) - place.x) * scale.x) - tent((float(x) - place.x) * scale.x);
       float area = tall * wide;
-      ivec2 at = ivec2(x, y);
-      vec4 warp = texelFetch(warpColors, at, level), weft = texelFetch(weftColors, at, level);
-      if (level == 0 && averaged == 0)
-      {
-        texels[0] += area * warp.a * vec4(warp.rgb, 1.0);
-        texels[1] += area * weft.a * vec4(weft.rgb, 1.0);
-        texels[2] += area * weft.a * vec4(warp.rgb, 1.0);
-        texels[3] += area * warp.a * vec4(weft.rgb, 1.0);
-      }
-      else
-      {
-        // In a block, the mean of products is not the product of means.
-        vec4 warpOn = texelFetch(warpOver, at, level), weftOn = texelFetch(weftOver, at, level);
-        texels[0] += area * warpOn;
-        texels[1] += area * weftOn;
-        texels[2] += area * vec4(warp.rgb - warpOn.rgb, weftOn.a);
-        texels[3] += area * vec4(weft.rgb - weftOn.rgb, warpOn.a);
-      }
+      for (int k = 0; k < 2; ++k) texels[k] += area * colorsOf(k, ivec2(x, y), level);
+      // A block at the edge of the cloth is not full.
+      vec2 full = clamp(crossings / size - vec2(x, y), 0.0, 1.0);
+      whole += area * full.x * full.y;
     }
   }
-  float area = texels[0].a + texels[1].a;  // at each crossing, one of the two families is on top
-  int top = gl_FrontFacing ? 0 : 2;  // from behind, the lower yarns are on top
   vec3 sum = openVS.x * open;
-  for (int k = 0; k < 4; ++k)
+  for (int k = 0; k < 2; ++k)
   {
-    int layer = (k + top) % 4;
-    vec3 own = hue * hueOf(encoded(texels[k].rgb / max(texels[k].a, 1e-3 * area)));
-    vec4 light = lightVS[layer];
-    light.rgb *= mix(vec3(1.0), vec3(bounceVS[layer]), own * own);
-    sum += texels[k].a / area * coverVS[layer] * meanLight(own, light, spreadVS[layer]);
+    float share = MOST_LIGHT * texels[k].a / whole;
+    vec3 own = hue * hueOf(encoded(texels[k].rgb / max(texels[k].a, 1e-3 * whole)));
+    vec4 light = lightVS[k];
+    light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), own * own);
+    sum += share * coverGainVS[k] * meanLight(own, light, spreadVS[k]);
   }
   return sum;
 }
@@ -308,9 +305,9 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   int block = textureSize(tiles, level).y / 6, face = gl_FrontFacing ? 0 : 2;
   vec2 texel = 1.0 / (float(side) * reach);
   vec2 start = (place * float(side));
-  vec4 normals[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
-  vec3 colors[4] = vec3[4](vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
-  vec4 exposed = vec4(0.0);
+  vec4 normals[2] = vec4[2](vec4(0.0), vec4(0.0));
+  vec3 colors[2] = vec3[2](vec3(0.0), vec3(0.0));
+  vec2 exposed = vec2(0.0);
   float whole = 0.0, opened = 0.0;
   for (int y = first.y; y <= end.y; ++y)
   {
@@ -328,15 +325,12 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
       vec4 exposures = texelFetch(tiles, at + ivec2(0, 4 * block), level);
       vec2 ofFace = gl_FrontFacing ? exposures.xy : exposures.zw;
       vec2 holes = texelFetch(tiles, at + ivec2(0, 5 * block), level).xy;
-      vec4 warp = texelFetch(warpColors, crossing, 0), weft = texelFetch(weftColors, crossing, 0);
-      bool over = (warp.a > 0.5) == gl_FrontFacing;
-      int a = over ? 0 : 2, b = over ? 3 : 1;
-      normals[a] += area * vec4(2.0 * ofWarp.xy - 1.0, ofWarp.zw);
-      normals[b] += area * vec4(2.0 * ofWeft.xy - 1.0, ofWeft.zw);
-      colors[a] += area * ofWarp.w * warp.rgb;
-      colors[b] += area * ofWeft.w * weft.rgb;
-      exposed[a] += area * ofFace.x;
-      exposed[b] += area * ofFace.y;
+      vec4 warp = colorsOf(0, crossing, 0), weft = colorsOf(1, crossing, 0);
+      normals[0] += area * vec4(2.0 * ofWarp.xy - 1.0, ofWarp.zw);
+      normals[1] += area * vec4(2.0 * ofWeft.xy - 1.0, ofWeft.zw);
+      colors[0] += area * ofWarp.w * warp.rgb / max(warp.a, 1e-3);
+      colors[1] += area * ofWeft.w * weft.rgb / max(weft.a, 1e-3);
+      exposed += area * ofFace;
       opened += area * (gl_FrontFacing ? holes.x : holes.y);
       whole += area;
     }
@@ -347,7 +341,7 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   // Where a pixel contains a whole crossing, its light is spread as everywhere.
   float blurred = clamp(max(reach.x, reach.y) * TILED, 0.0, 1.0);
   vec3 sum = min(openVS.y * opened / whole, 1.0) * open;
-  for (int k = 0; k < 4; ++k)
+  for (int k = 0; k < 2; ++k)
   {
     float share = normals[k].w;
     if (share < 1e-4 * whole) continue;
@@ -393,6 +387,7 @@ class SheetActor(SurfaceActor):
         self.set_hole_color(None)
         self.set_grain(1)
         self._tables: AppearanceTables | None = None
+        self._strength = 0.0
         #: Whether the sheet is flat and only seen from its face; then it is shown sooner.
         self.shows_face = False
 
@@ -432,7 +427,8 @@ class SheetActor(SurfaceActor):
             self.update_scale(color, span)
             self.GetMapper().SetScalarVisibility(False)  # the texture contains the colours
             self.color_bar.SetVisibility(True)
-        state = cloth, color, None if numbers is None else span, lighting_style
+        shadows = self._strength > 0.0
+        state = cloth, color, None if numbers is None else span, lighting_style, shadows
         if self._shown == state and self._crossings is crossings:
             return
         self._shown, self._crossings = state, crossings
@@ -444,17 +440,22 @@ class SheetActor(SurfaceActor):
             colors = _yarn_colors(cloth, color)
         else:
             colors = _crossing_colors(crossings, color, state[2])
-        table = response(lighting_style, np.arange(256) / 255)
-        codes = np.rint(255 * table).astype(np.uint8)
-        textures = _make_layers(cloth, (codes[colors[0]], codes[colors[1]]), halvings)
-        for name, pixels in zip(_LAYERS, textures, strict=True):
+        appearance = appearance_of(cloth)
+        normals, amounts = appearance.visible_normals(self._strength)
+        mixing = mean_light(lighting_style, normals, amounts)
+        fragment.SetUniform2f("mixing", mixing)
+        displayed = decode(response(lighting_style, np.arange(256) / 255, mixing))
+        for name, (side, family) in _LAYERS.items():
+            # Nothing is seen of the reverse of a cloth that faces the camera.
+            tiles = appearance.numbers if side > 0 or not self.shows_face else np.zeros((1, 1), int)
+            shares = appearance.light_shares(side, shadows)[:, family]
+            pixels = _make_layer(tiles, shares, family, displayed[colors[family]], halvings)
             texture = self.GetProperty().GetTexture(name)
             if texture is None:
                 texture = _make_texture()
                 self.GetProperty().SetTexture(name, texture)
             # The texture is never replaced: see `SurfaceActor._set_texture`.
             texture.SetInputData(to_image(_pad(pixels, _LEVELS)))
-        appearance = appearance_of(cloth)
         tiles = appearance.numbers[:1, :1] if halvings else appearance.numbers
         bytes_ = [(tiles % 256).astype(np.uint8), (tiles // 256).astype(np.uint8)]
         self._set_data("tileNumbers", to_image(np.stack([*bytes_, bytes_[1]], axis=-1)))
@@ -462,6 +463,7 @@ class SheetActor(SurfaceActor):
 
     def set_shadow_strength(self, strength: float) -> None:
         """Set the strength of the yarns' contact shadows, 0 to 1."""
+        self._strength = strength
         shader = self.GetShaderProperty()
         for uniforms in (shader.GetVertexCustomUniforms(), shader.GetFragmentCustomUniforms()):
             uniforms.SetUniformf("shaded", strength)
@@ -493,8 +495,7 @@ class SheetActor(SurfaceActor):
         if self._shader_key == (light,):
             return
         self._shader_key = (light,)
-        received, white = mean_light(style)
-        mean = f"const float LIGHT = {received!r}, WHITE = {white!r}, KNEE = {style.knee!r};\n"
+        mean = f"const float KNEE = {style.knee!r};\n"
         shader.ClearAllShaderReplacements()
         for tag, text in (
             ("//VTK::TCoord::Dec", _VERTEX_DECLARATIONS + _CONSTANTS + light + _VERTEX_FUNCTIONS),
@@ -512,27 +513,12 @@ class SheetActor(SurfaceActor):
             shader.AddFragmentShaderReplacement(tag, True, text, False)
 
 
-def mean_light(style: Style) -> tuple[float, float]:
-    """Return the coloured and the white light of a cloth that faces the camera."""
-    received = 0.5 * (style.sky[1] + style.earth[1])
-    for lamp in style.lamps:
-        toward = lamp.place[2] / float(np.linalg.norm(lamp.place))
-        reached = max(toward + style.wrap, 0.0) / (1.0 + style.wrap)
-        received += reached * lamp.strength * lamp.color[1]
-    if not style.lamps:
-        return received, 0.0
-    x, y, z = np.array(style.lamps[0].place) / np.linalg.norm(style.lamps[0].place)
-    halfway = (z + 1.0) / float(np.sqrt(x * x + y * y + (z + 1.0) ** 2))
-    white = style.gloss * halfway**style.gloss_power
-    return float(_REFLECTED * received * (1.0 - style.gloss)), float(_REFLECTED * white)
-
-
-def response(style: Style, hue: Floats) -> Floats:
-    """Return the displayed values of hues under the mean light of a style, 0 to 1."""
+def response(style: Style, hue: Floats, mixing: tuple[float, float]) -> Floats:
+    """Return the displayed values of hues under a coloured and a white light, 0 to 1."""
     # The textures contain these values, because means over many yarns are those of displayed light,
     # in which bright colours are compressed. The shader turns the means back into hues, which it
     # lights as a surface is lit.
-    received, white = mean_light(style)
+    received, white = mixing
     shown = np.sqrt(hue**2 * received + white * (0.6 + 0.4 * hue))
     if style.knee < 1.0:
         room = 1.0 - style.knee
@@ -658,28 +644,36 @@ def _crossing_colors(crossings: NDArray[Any], color: str, span: Span | None) -> 
     return colors[0], colors[-1]
 
 
-def _make_layers(cloth: Cloth, colors: tuple[Bytes, Bytes], halvings: int) -> list[Bytes]:
-    """Return the textures of a cloth, halved some times; it is made in bands of picks."""
-    warp, weft = colors
-    bands: list[list[Bytes]] = [[], [], [], []]
-    for start in range(0, cloth.size[1], _BAND):
-        band = slice(start, start + _BAND)
-        layers = None if cloth.layers is None else cloth.layers.crop(slice(None), band)
-        made = color_layers(
-            cloth.drawdown[band],
-            warp[band] if warp.ndim == 3 else warp,
-            weft[band] if weft.ndim == 3 or len(weft) > 1 else weft,
-            layers,
-        )
-        warp_over, weft_over, warp_under, weft_under = made
-        for everywhere, on_top in ((warp_under, warp_over), (weft_under, weft_over)):
-            everywhere[..., :3] += on_top[..., :3]
-            everywhere[..., 3] = on_top[..., 3]
-        for parts, pixels in zip(bands, made, strict=True):
-            for _ in range(halvings):
-                pixels = _halve(pixels)
-            parts.append(pixels)
-    return [np.concatenate(parts) for parts in bands]
+def _make_layer(
+    weaves: AnyInts, shares: Singles, family: int, colors: Singles, halvings: int
+) -> Bytes:
+    """Return a texture of a cloth, halved some times; it is made in bands of picks."""
+    bands = []
+    for start in range(0, len(weaves), _BAND):
+        band = weaves[start : start + _BAND]
+        light = visible_colors(band, shares / _MOST_LIGHT, family, colors, start)
+        for _ in range(halvings):
+            light = _halve(light)
+        bands.append(_encode(light))
+    return np.concatenate(bands)
+
+
+def decode(shares: Floats) -> Singles:
+    """Return the linear light of sRGB values from 0 to 1."""
+    light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    return light.astype(np.float32)
+
+
+def _encode(light: Singles) -> Bytes:
+    """Return texels of linear light: colours as sRGB values, and their sum of shares."""
+    # A table is faster than powers.
+    steps = np.arange(65536) / 65535
+    code = np.where(steps <= 0.0031308, 12.92 * steps, 1.055 * steps ** (1 / 2.4) - 0.055)
+    table = np.rint(255 * code).astype(np.uint8)
+    texels = np.empty(light.shape, np.uint8)
+    texels[..., :3] = table[np.rint(65535 * np.minimum(light[..., :3], 1.0)).astype(np.uint16)]
+    texels[..., 3] = np.rint(255 * np.minimum(light[..., 3], 1.0))
+    return texels
 
 
 def _pad(pixels: Bytes, levels: int) -> Bytes:
@@ -688,22 +682,11 @@ def _pad(pixels: Bytes, levels: int) -> Bytes:
     return np.pad(pixels, (*more, (0, 0)))
 
 
-def _halve(pixels: Bytes) -> Bytes:
-    """Return the means of blocks of 2 x 2 texels, computed in linear light."""
-    even = _pad(pixels, 1)
-    share = np.arange(256, dtype=np.float32) / 255
-    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    # A twentieth of a code, where codes are closest to each other.
-    fine = np.linspace(0.0, 1.0, 2**16)
-    codes = np.where(fine <= 0.0031308, 12.92 * fine, 1.055 * fine ** (1 / 2.4) - 0.055)
-    encoded, plain = (np.rint(255 * each).astype(np.uint8) for each in (codes, fine))
-    halved = np.empty((even.shape[0] // 2, even.shape[1] // 2, 4), np.uint8)
-    for channel in range(4):
-        table = share if channel == 3 else light
-        parts = [table[even[row::2, column::2, channel]] for row in (0, 1) for column in (0, 1)]
-        place = (sum(parts) * np.float32(0.25 * 65535) + np.float32(0.5)).astype(np.uint16)
-        halved[..., channel] = (plain if channel == 3 else encoded)[place]
-    return halved
+def _halve(light: Singles) -> Singles:
+    """Return the means of blocks of 2 x 2 texels."""
+    even = np.pad(light, [(0, count % 2) for count in light.shape[:2]] + [(0, 0)])
+    tall = even[::2] + even[1::2]
+    return np.asarray(0.25 * (tall[:, ::2] + tall[:, 1::2]), np.float32)
 
 
 def _make_texture() -> vtkTexture:

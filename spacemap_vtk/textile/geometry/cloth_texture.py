@@ -1,64 +1,69 @@
 """Textures of a cloth whose yarns are less than about a pixel wide: one texel for each crossing.
 
-Both faces are made from the same four layers: for each crossing the colour of its end and of its
-pick, where the end lies over the pick and where it lies under it. A texel that is black in one
-layer belongs to another one. So a layer can first be averaged over any region (mip-mapped) and then
-be lit: yarns on top of the cloth get one light, and yarns seen between them get another.
+A texel has the mean colour of what is visible of its crossing. That need not be its own end and
+pick: a thick pattern weft covers the tabby beside it, and the upper cloth of a double weave covers
+yarns of the lower one. So each local weave has its own shares of the neighbouring yarns.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.ndarrays import AnyInts, Floats, Singles
 from spacemap_vtk.textile.weave.cloth import Cloth
-from spacemap_vtk.textile.weave.double_weave import Layers
-
-#: Share of the light that reaches the cloth behind.
-_SHADE = 0.6
 
 
-def color_layers(
-    drawdown: Bools, warp: NDArray[np.uint8], weft: NDArray[np.uint8], double: Layers | None = None
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Sort the colours of a cloth's crossings by the yarn on top.
+def visible_colors(
+    weaves: AnyInts, shares: Singles, number: int, colors: Singles, first: int = 0
+) -> Singles:
+    """Sum the colours of a family's visible yarns at each crossing.
 
     Parameters
     ----------
-    drawdown : (picks, ends) ndarray of bool
-        True: the end lies over the pick.
-    warp, weft : (n, 3) or (picks, ends, 3) ndarray of uint8
-        Colours of the ends and of the picks; one for all, or both at each crossing.
-    double : Layers, optional
-        For a double weave: on each face, crossings of the cloth behind lie in the shade.
+    weaves : (picks, ends) ndarray of int
+        Number of the local weave of each crossing.
+    shares : (weaves, 2 n + 1) ndarray of float32
+        For each local weave, the share of a crossing that its own yarn fills in the middle, and
+        those of up to n neighbours on both sides.
+    number : {0, 1}
+        Family of the yarns: warp or weft.
+    colors : (n, 3) or (picks, ends, 3) ndarray of float32
+        Colours of the yarns, in linear light; one for all, one for each, or one for each at each
+        crossing.
+    first : int
+        Number of the first pick, if `weaves` is a part of the cloth.
 
     Returns
     -------
-    tuple of (picks, ends, 4) ndarray of uint8
-        Ends over their picks; picks over their ends; ends under; picks under. Red, green, blue and
-        255; all 0 where there is none.
+    (picks, ends, 4) ndarray of float32
+        The colours times their shares, and the sum of the shares.
 
     Examples
     --------
-    >>> red, blue = np.array([[255, 0, 0]], np.uint8), np.array([[0, 0, 255]], np.uint8)
-    >>> over, _, _, under = color_layers(np.array([[True, False]]), red, blue)
-    >>> over.tolist(), under.tolist()
-    ([[[255, 0, 0, 255], [0, 0, 0, 0]]], [[[0, 0, 255, 255], [0, 0, 0, 0]]])
+    >>> shares = np.array([[0, 0.75, 0.25]], np.float32)
+    >>> red_blue = np.array([[1, 0, 0], [0, 0, 1]], np.float32)
+    >>> visible_colors(np.zeros((1, 2), int), shares, 0, red_blue)[0, 0].tolist()
+    [0.75, 0.0, 0.25, 1.0]
     """
-    of_warp, of_weft = (
-        np.concatenate([colors, np.full_like(colors[..., :1], 255)], axis=-1)
-        for colors in (warp, weft if weft.ndim == 3 else weft[:, None])
-    )
-    over = drawdown[..., None]
-    made = of_warp * over, of_weft * ~over, of_warp * ~over, of_weft * over
-    if double is not None:
-        # The first two layers are seen on the front, the others on the back. Alpha is not light
-        # and keeps its value.
-        for behind, two in ((~double.in_upper_cloth, made[:2]), (double.in_upper_cloth, made[2:])):
-            for seen in two:
-                light = np.where(double.same_cloth & behind, _SHADE, 1.0)[..., None]
-                seen[..., :3] = np.rint(seen[..., :3] * light)
+    made = np.zeros((*weaves.shape, 4), np.float32)
+    reach = shares.shape[1] // 2
+    rows, columns = np.arange(weaves.shape[0]) + first, np.arange(weaves.shape[1])
+    for step in range(-reach, reach + 1):
+        if not shares[:, reach + step].any():
+            continue
+        share = shares[:, reach + step][weaves]
+        if colors.ndim == 3:
+            row = rows if number == 0 else np.clip(rows + step, 0, len(colors) - 1)
+            column = columns
+            if number == 0:
+                column = np.clip(columns + step, 0, colors.shape[1] - 1)
+            shown = colors[row[:, None], column]
+        elif number == 0:
+            shown = colors[np.clip(columns + step, 0, len(colors) - 1)]
+        else:
+            shown = colors[np.clip(rows + step, 0, len(colors) - 1)][:, None]
+        made[..., :3] += share[..., None] * shown
+        made[..., 3] += share
     return made
 
 

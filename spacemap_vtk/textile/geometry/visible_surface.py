@@ -45,6 +45,8 @@ class SurfaceFacets(NamedTuple):
     """Exposure to light from all sides; see `spacemap_vtk.textile.geometry.exposure`."""
     family: NDArray[np.uint8]
     """0 warp, 1 weft."""
+    yarn: NDArray[np.int32]
+    """Number of the end or the pick in the part."""
     size: tuple[int, int]
     """Ends and picks of the part."""
     spacing: tuple[float, float]
@@ -60,6 +62,8 @@ class VisibleSurface(NamedTuple):
     """Exposure to light from all sides."""
     family: NDArray[np.int8]
     """0 warp, 1 weft, -1 where nothing is."""
+    yarn: NDArray[np.int32]
+    """Number of the end or the pick in the part."""
     crossing: Ints
     """Number of the crossing, pick by pick; where nothing is, that in the middle plane; -1 outside
     the part."""
@@ -94,19 +98,21 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
     net = weave.points[patches].reshape(-1, 4, 4, 3)
     counts = [_count_facets(net, axis, step) for axis in (1, 2)]
     strands, exposed = Strands(weave.patches, crop, weave.places, 1), ClothExposure(crop)
-    found, exposure, family = [], [], []
+    found, exposure, yarn = [], [], []
     for rows, columns in np.unique(np.stack(counts, axis=1), axis=0).tolist():
         (chosen,) = np.nonzero((counts[0] == rows) & (counts[1] == columns))
         weights = None if weave.weights is None else weave.weights[patches[chosen]]
         found.append(_evaluate(net[chosen].reshape(-1, 16, 3), weights, rows, columns))
         face = strands.face(chosen, (np.arange(rows) + 0.5) / rows).T.repeat(columns, axis=1)
         exposure.append(exposed.evaluate(found[-1][0], face.ravel(), np.zeros(face.size)))
-        family.append(np.repeat(weave.family[: weave.tube_patches][chosen], rows * columns))
+        yarn.append(np.repeat(weave.yarn[chosen], rows * columns))
     middle, side_u, side_v = (np.concatenate(each) for each in zip(*found, strict=True))
     for number in (0, 1):
         borders = _borders(crop, number)
         numbers = np.arange(len(borders))
         middle[:, number] = np.interp(middle[:, number], borders, numbers, -1.0, len(borders))
+    yarns = np.concatenate(yarn)
+    family = yarns >= crop.size[0]
     inside = ((middle[:, :2] >= 0.0) & (middle[:, :2] <= crop.size)).all(axis=1)
     middle[:, :2] *= spacing
     return SurfaceFacets(
@@ -114,7 +120,8 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
         side_u[inside].astype(np.float32),
         side_v[inside].astype(np.float32),
         np.minimum(np.concatenate(exposure)[inside], np.float32(1.0)),
-        np.concatenate(family)[inside].astype(np.uint8),
+        family[inside].astype(np.uint8),
+        (yarns - crop.size[0] * family)[inside].astype(np.int32),
         crop.size,
         spacing,
     )
@@ -196,6 +203,7 @@ def view_surface(surface: SurfaceFacets, toward_eye: Floats, pixels: float) -> V
         shown.reshape(rows, columns, 3),
         surface.exposure[nearest].reshape(rows, columns),
         np.where(empty, -1, surface.family[nearest]).astype(np.int8).reshape(rows, columns),
+        surface.yarn[nearest].reshape(rows, columns),
         np.where(outside, -1, pick * surface.size[0] + end).reshape(rows, columns),
         (place / size).reshape(rows, columns, 2),
         float(pixel[0]),
