@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,12 @@ from spacemap_vtk.mechanics.contact.samples import sample_faces, sample_sheet
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, assemble_tangent
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
+from spacemap_vtk.scenes.figure_list import cloth_figures
+from spacemap_vtk.scenes.report import report_fabric, report_modes
+from spacemap_vtk.scenes.scene import Scene
 
 FloatArray = NDArray[np.float64]
 #: Bending [N m], stretch [N/m], gravity [m/s²], weight per area [N/m²], and the unit of length [m].
@@ -354,3 +360,47 @@ def test_terms_of_different_contact_have_different_digests() -> None:
         term.at_rest(points, np.zeros((term.samples.areas.size, 3))),
     ]
     assert len({each.digest for each in others}) == len(others)
+
+
+def test_steps_in_time_refuse_friction() -> None:
+    points, cells, terms = sheet((0, 0.1, 0, 0.1), (2, 2), [Plane((0, 0, -1e-3))], 0.3)
+    free = np.zeros(points.shape, dtype=bool)
+    model = Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms)
+    cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
+    with pytest.raises(InputError, match="does not support friction on obstacles yet"):
+        SteppedMotion(cage)
+
+
+SCENE = """
+[weave]
+ends = 20
+picks = 20
+warp_spacing = "10 mm"
+weft_spacing = "10 mm"
+warp_diameter = "0.25 mm"
+[cage]
+divisions = [8, 8, 1]
+[modal]
+fixed = ""
+elements = "sheet"
+modes = 4
+gravity = [0, 0, -9.81]
+bending_rigidity = "10 uN.m"
+tensile_rigidity = "1500 N/m"
+areal_mass = "0.15 kg/m2"
+[[modal.obstacles]]
+shape = "disc"
+radius = "60 mm"
+center = [0, 0, "-20 mm"]
+friction = 0.3
+"""
+
+
+def test_info_and_modes_report_what_a_cloth_does_to_its_table(tmp_path: Path) -> None:
+    (tmp_path / "table.toml").write_text(SCENE, encoding="utf-8")
+    scene = Scene.read(tmp_path / "table.toml")
+    for found in (report_fabric(scene), report_modes(scene)):
+        (contact,) = found["contact"]
+        assert contact["force"] == pytest.approx(9.81 * 0.15 * 0.2**2, rel=1e-6)
+    (row,) = (each for each in cloth_figures(report_fabric(scene)) if each.key == "contact_0")
+    assert f"{contact['points']} points" in row.text
