@@ -109,6 +109,7 @@ def find_resting_state(
         pencil.mass.diagonal(),
         pencil.nodes.translate,
         guess=None if guess is None else undeformed + moved,
+        near=start is not None,
         progress=progress,
     )
     moved = result.positions - undeformed

@@ -75,13 +75,15 @@ def settle(
     translate: Bools,
     *,
     guess: Floats | None = None,
+    near: bool = False,
     progress: Progress | None = None,
     steps: int = 2400,
 ) -> Settled:
     """Find a stable equilibrium of a body on obstacles under loads."""
     # `mass` (N,) is that of each free coordinate, `translate` (V,) tells which nodes are positions.
-    # From a guess of the positions, (V, 3), the springs have their full stiffness at once. For the
-    # other arguments see `find_equilibrium`.
+    # From a guess of the positions, (V, 3), the springs have their full stiffness at once; `near`
+    # tells that it is a balance under loads that differ little. For the other arguments see
+    # `find_equilibrium`.
     given = list(contacts)
     with blas_threads.use_one_thread():
         system = ReducedSystem([*loads, *terms, *given], basis, start, progress or (lambda _: None))
