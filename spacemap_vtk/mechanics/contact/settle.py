@@ -110,9 +110,7 @@ def settle(
                 stiffen(term, share * whole.stiffness, z)
                 for term, whole in zip(current, given, strict=True)
             ]
-            z, current = _find_balance(
-                system, len(loads), z, current, load, steps, guess is not None
-            )
+            z, current = _find_balance(system, len(loads), z, current, load, steps, near)
     if progress is not None:
         progress(1.0)
     return Settled(z, current, system.steps)
