@@ -25,11 +25,11 @@ from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium import energy_terms
 from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     EnergyTerm,
+    VertexTerm,
     assemble_tangent,
     digest_of,
     energy_term,
 )
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 
 FloatArray = NDArray[np.float64]
 

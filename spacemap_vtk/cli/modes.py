@@ -61,7 +61,11 @@ def modes(
     sheet = None if plot is None else ShapesJob(plot)
     chosen = open_scene(scene, set_)
     from spacemap_vtk.scenes import report
-    from spacemap_vtk.scenes.figure_list import equilibrium_figures, sheet_figures
+    from spacemap_vtk.scenes.figure_list import (
+        contact_figures,
+        equilibrium_figures,
+        sheet_figures,
+    )
 
     with progress(chosen, "Solving", quiet):
         figures = report.report_modes(chosen)
@@ -90,7 +94,11 @@ def modes(
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
         )
     print_plain(table)
-    more = (*sheet_figures(figures), *equilibrium_figures(figures["hung"]))
+    more = (
+        *sheet_figures(figures),
+        *equilibrium_figures(figures["hung"]),
+        *contact_figures(figures["contact"]),
+    )
     print_labelled((figure.label, figure.text) for figure in more)
     print_warnings(chosen, quiet)
 

@@ -12,6 +12,8 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
+from spacemap_vtk.mechanics.contact.obstacle_term import Contact
+from spacemap_vtk.mechanics.contact.resting import report_contact, rested_terms
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, make_term
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
@@ -35,6 +37,12 @@ GRAVITY_IN_FORCE = "equilibrium_gravity"
 
 #: Name of the field array that holds the recipes of energy terms as JSON.
 _TERMS = "energy_terms"
+
+#: Name of the field array of the anchors of friction at samples of obstacles [m].
+_ANCHORS = "contact_anchors"
+#: Names of the field arrays that report on each obstacle: force on it [N], number of samples that
+#: touch it, largest penetration [m], and number of touching samples whose friction is at its limit.
+_CONTACT = ("contact_force", "contact_points", "contact_penetration", "contact_sliding")
 
 #: Array name of each fitting of a cage, and whether it is a cell array (else a point array).
 _FITTING_ARRAYS = {
@@ -92,9 +100,16 @@ def add_model(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float])
         add_array(field, GRAVITY_IN_FORCE, np.array(gravity, dtype=np.float64))
 
 
-def add_terms(grid: vtkUnstructuredGrid, recipes: Sequence[Mapping[str, Any]]) -> None:
-    """Write the recipes of energy terms as JSON (`spacemap_vtk.mechanics.equilibrium`)."""
-    grid.GetFieldData().RemoveArray(_TERMS)
+def add_terms(
+    grid: vtkUnstructuredGrid,
+    recipes: Sequence[Mapping[str, Any]],
+    anchors: Floats | None = None,
+) -> None:
+    """Write the recipes of energy terms as JSON, and the anchors of friction."""
+    for name in (_TERMS, _ANCHORS):
+        grid.GetFieldData().RemoveArray(name)
+    if anchors is not None and len(anchors):
+        add_array(grid.GetFieldData(), _ANCHORS, anchors)
     if recipes:
         array = vtkStringArray()
         array.SetName(_TERMS)
@@ -108,7 +123,34 @@ def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
     array = grid.GetFieldData().GetAbstractArray(_TERMS)
     count = 0 if array is None else array.GetNumberOfValues()
     points, cells = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
-    return [make_term(json.loads(array.GetValue(k)), points, cells) for k in range(count)]
+    terms = [make_term(json.loads(array.GetValue(k)), points, cells) for k in range(count)]
+    moved = grid.GetPointData().GetArray("equilibrium")
+    if moved is None or grid.GetFieldData().GetArray(_ANCHORS) is None:
+        return terms
+    positions = points + array_of(grid.GetPointData(), "equilibrium", _OWNER)
+    return rested_terms(terms, positions, array_of(grid.GetFieldData(), _ANCHORS, _OWNER))
+
+
+def add_contact(grid: vtkUnstructuredGrid, model: Model) -> None:
+    """Write what each obstacle and the cage do to each other into field arrays."""
+    field, found = grid.GetFieldData(), report_contact(model)
+    for name in _CONTACT:
+        field.RemoveArray(name)
+    if found:
+        for name, values in zip(_CONTACT, zip(*found, strict=True), strict=True):
+            add_array(field, name, np.array(values))
+
+
+def contact_of(grid: vtkUnstructuredGrid) -> list[Contact]:
+    """Return what each obstacle and the cage do to each other, in the order of obstacles."""
+    field = grid.GetFieldData()
+    if field.GetArray(_CONTACT[0]) is None:
+        return []
+    columns = [array_of(field, name, _OWNER) for name in _CONTACT]
+    return [
+        Contact(force, int(points), float(depth), int(sliding))
+        for force, points, depth, sliding in zip(*columns, strict=True)
+    ]
 
 
 def add_sheet(grid: vtkUnstructuredGrid, sheet: DataSheet) -> None:

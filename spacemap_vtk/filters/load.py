@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, add_key_to_errors
+from spacemap_vtk.filters.records import Record, Records
 from spacemap_vtk.io import registry
-from spacemap_vtk.io.formats.toml import format_value, parse_toml
+from spacemap_vtk.io.formats.toml import format_value
 from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.places import SIDES
 from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
@@ -22,7 +22,6 @@ from spacemap_vtk.parameters import (
     FilePath,
     Flag,
     Parameter,
-    Parameterised,
     Real,
     Text,
     Vector,
@@ -85,7 +84,7 @@ class Numbers(Parameter[Any]):
         return f"a list, each {self.component.expected}"
 
 
-class Load(Parameterised):
+class Load(Record):
     """Act on a cage with a pressure, a force, a moving base …, multiplied by a time function.
 
     A load has exactly one of ``pressure``, ``traction``, ``force``, ``array``, ``gravity``,
@@ -163,10 +162,10 @@ class Load(Parameterised):
         False, "Let a harmonic or periodic load act for ever, so that the response is steady."
     )
 
-    _sealed = False
+    noun, nouns = "load", "loads"
 
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
+    def complete(self) -> None:
+        """Check action, place and time function, and read the table of a file."""
         given = [name for name in ACTIONS if getattr(self, name) not in (None, "")]
         if len(given) != 1:
             raise InputError(
@@ -192,7 +191,11 @@ class Load(Parameterised):
             if self.file is not None:
                 error.key, error.message = "file", f"{error.message}, in {self.file}"
             raise
-        self._sealed = True
+
+    @property
+    def identity(self) -> Any:
+        """The points of the time function: the file may have changed since it was read."""
+        return self._points
 
     @property
     def action(self) -> str:
@@ -251,30 +254,8 @@ class Load(Parameterised):
         }
         return time_functions.table(*tables[self.time], start)
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        if self._sealed:
-            raise InputError(
-                "a load cannot be changed", key=name, cure="Assign a new list of loads instead"
-            )
-        super().__setattr__(name, value)
 
-    def __eq__(self, other: object) -> bool:
-        # Compare the points, too: the file may have changed since it was read.
-        return (
-            isinstance(other, Load)
-            and self._values == other._values
-            and self._points == other._points
-        )
-
-    def __hash__(self) -> int:
-        return hash(tuple(sorted(self._values.items())))
-
-    def __repr__(self) -> str:
-        values = ", ".join(f"{name}={value!r}" for name, value in self._values.items())
-        return f"Load({values})"
-
-
-class Loads(Parameter[tuple[Load, ...]]):
+class Loads(Records):
     """Any number of loads, given as `Load`, as tables of its keys, or as a text in TOML.
 
     A scene file writes them as ``[[response.loads]]``.
@@ -282,57 +263,15 @@ class Loads(Parameter[tuple[Load, ...]]):
 
     kind = "loads"
     annotation = "sequence of Load or dict"
-    #: Class of each item; it declares the keys.
     record = Load
     #: Actions that are allowed, and whether a load may have a time function.
     actions: Sequence[str] = tuple(ACTIONS)
     timed = True
 
-    def check(self, value: Any) -> tuple[Load, ...]:
-        """Convert to checked loads; an error names load and key, and does not print the list."""
-        try:
-            return self.convert(value)
-        except InputError as error:
-            error.key = self.name + (error.key or "")
-            if error.key == self.name and error.allowed is None:
-                error.allowed = self.allowed
-            raise
-
-    def convert(self, value: Any) -> tuple[Load, ...]:
-        """Convert to checked loads."""
-        if isinstance(value, str):
-            value = _parse_text(value)
-        if isinstance(value, (Load, Mapping)):
-            value = [value]
-        if not isinstance(value, Iterable):
-            raise InputError("must be a list of loads")
-        loads = []
-        for number, item in enumerate(value):
-            if isinstance(item, Load):
-                loads.append(item)
-            elif isinstance(item, Mapping):
-                try:
-                    loads.append(Load(**item))
-                except InputError as error:
-                    error.key = f"[{number}]" + (f".{error.key}" if error.key else "")
-                    raise
-            else:
-                raise InputError(
-                    "this is not a load",
-                    key=f"[{number}]",
-                    value=item,
-                    allowed=f"a table with one of {', '.join(ACTIONS)}",
-                )
-        return tuple(loads)
-
-    def resolve_path(self, value: Any, folder: Path) -> Any:
-        """Resolve the files of loads against a folder."""
-        if isinstance(value, Mapping):
-            return {
-                key: Load.parameters[key].resolve_path(v, folder) if key in Load.parameters else v
-                for key, v in value.items()
-            }
-        return [self.resolve_path(v, folder) for v in value] if isinstance(value, list) else value
+    @property
+    def item_allowed(self) -> str:
+        """The actions of a load, in words."""
+        return f"a table with one of {', '.join(ACTIONS)}"
 
     @property
     def expected(self) -> str:
@@ -345,10 +284,6 @@ class Loads(Parameter[tuple[Load, ...]]):
             f"a list of tables, each with one of {', '.join(self.actions)}, and any of "
             + ", ".join(words)
         )
-
-    def text(self, value: tuple[Load, ...]) -> str:
-        """Format the loads as in TOML."""
-        return format_value([load._values for load in value])
 
 
 class DeadLoads(Loads):
@@ -420,10 +355,3 @@ def load_vectors(
             error.key = (error.key or "loads").replace("loads", f"{key}[{number}]", 1)
             raise
     return vectors
-
-
-def _parse_text(text: str) -> Any:
-    try:
-        return parse_toml(f"value = {text or '[]'}")["value"]
-    except ValueError as error:
-        raise InputError(f"not a list of tables: {error}") from None

@@ -17,14 +17,27 @@ from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
-from spacemap_vtk.datasets.modal_model import MODE_NAME, add_model, add_sheet, add_terms
+from spacemap_vtk.datasets.modal_model import (
+    MODE_NAME,
+    add_contact,
+    add_model,
+    add_sheet,
+    add_terms,
+)
 from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
+from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.mechanics.boundary.time_functions import step
+from spacemap_vtk.mechanics.contact.obstacle_term import contact_stiffness
+from spacemap_vtk.mechanics.contact.resting import (
+    find_resting_state,
+    obstacles_of,
+    rested_terms,
+)
 from spacemap_vtk.mechanics.elements.locking import Locking, estimate_locking, proportions_of
 from spacemap_vtk.mechanics.elements.materials import equivalent_poissons_ratio
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
@@ -144,6 +157,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         "gravity; their directions and sizes are constant.",
         group="Hung",
     )
+    obstacles = Obstacles(
+        (),
+        "Rigid bodies that the cage rests on or hangs over. Undeformed, it may be anywhere above "
+        "them: if nothing else holds it, it first falls along its load until it touches one.",
+        group="Hung",
+    )
     hang = Flag(
         True,
         "Let the cage hang under gravity and dead_loads, if they are given; otherwise it starts "
@@ -251,20 +270,26 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         terms = [energy_terms.make_term(recipe, vertices, elements) for recipe in self._terms]
+        recipes = [*self._terms, *self._obstacle_recipes(grid, material, sheet)]
+        made = recipes[len(self._terms) :]
+        terms += [energy_terms.make_term(recipe, vertices, elements) for recipe in made]
         data = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*data, None, fittings, terms)
+        anchors: Floats | None = None
         layers = layers if linear else 2 * layers
         if self.is_hung:
             load = self._dead_load(grid, model)
             if load.any() or any(term.forces(vertices).any() for term in terms):
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
-                self._undeformed, rest = model, self._equilibrium(model, load, layers)
+                self._undeformed, (rest, anchors) = model, self._equilibrium(model, load, layers)
+                terms = rested_terms(terms, vertices + rest, anchors)
                 self._model = model = Model(*data, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
 
         output.ShallowCopy(grid)
         add_model(output, model, self.gravity)
-        add_terms(output, self._terms)
+        add_terms(output, recipes, anchors)
+        add_contact(output, model)
         if model.plate is not None:
             add_sheet(output, data_sheet(model.plate, mass))
         for array in self._mode_arrays(shapes, model.density):
@@ -283,6 +308,31 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         self._warn_of_stiffness(model)
         if linear:
             self._warn_of_volume(model.elasticity)
+
+    def _obstacle_recipes(
+        self, grid: vtkUnstructuredGrid, material: Floats | Plate, sheet: Layer | None
+    ) -> list[dict[str, Any]]:
+        """Return the recipes of the obstacles' terms."""
+        if not self.obstacles:
+            return []
+        if sheet is None:
+            offset, cell = 0.0, _mean_edge(grid)
+        else:
+            cloth = cloth_of(grid)
+            thickness = sheet.thickness
+            if cloth is not None:
+                thickness = 2 * cloth.level + cloth.sheet_thickness
+            offset, cell = thickness / 2, sheet.cell
+        common = {
+            "kind": "obstacle",
+            "stiffness": contact_stiffness(material, cell),
+            "offset": offset,
+            "sheet": sheet is not None,
+        }
+        return [
+            {**common, "body": obstacle.body, "friction": obstacle.friction}
+            for obstacle in self.obstacles
+        ]
 
     def sheet_figures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
         """Return the figures of a cage that is a sheet, without solving anything.
@@ -329,7 +379,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     @property
     def is_hung(self) -> bool:
         """Whether the cage is to hang, and there is a load under which it hangs."""
-        return self.hang and (any(self.gravity) or bool(self.dead_loads) or bool(self._terms))
+        given = any(self.gravity) or self.dead_loads or self._terms or self.obstacles
+        return self.hang and bool(given)
 
     @property
     def arrays(self) -> dict[str, ProvidedArray]:
@@ -349,8 +400,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             total += cage.vertex_forces(vector)
         return total
 
-    def _equilibrium(self, model: Model, load: Floats, layers: float) -> Floats:
-        """Return the displacement to the equilibrium [m], (V, 3), from disk or solved."""
+    def _equilibrium(self, model: Model, load: Floats, layers: float) -> tuple[Floats, Floats]:
+        """Return displacement and anchors of friction in equilibrium, from disk or solved."""
         digest = digest_of(model.digest, load / model.modulus)
 
         def allow() -> None:
@@ -373,13 +424,13 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                 digest,
                 solve() if processes is None else processes.make_in_first(solve),
             )
-        found, critical = self._last_equilibrium[1]
+        found, critical, anchors = self._last_equilibrium[1]
         if not math.isnan(critical[0]):
             self.warn(
                 f"the cage buckles at {critical[0]:.3g} of the load under which it hangs; if it "
                 "can fold to either of two sides, rounding chooses one"
             )
-        return found
+        return found, anchors
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # This imports scipy's solvers, which results from disk do not need.
@@ -539,17 +590,22 @@ def load_or_solve_equilibrium(
     Returns
     -------
     list of ndarray of float64
-        The displacement [m], (V, 3), and the share of the load at which it buckles, (1,), or NaN.
+        The displacement [m], (V, 3), the share of the load at which it buckles, (1,), or NaN, and
+        the anchors of friction on obstacles [m], (S, 3).
     """
     key = f"hung-{digest_of(model.digest, load / model.modulus)}"
-    entry = cache.load(key, displacement=model.points.shape, critical=(1,))
+    entry = cache.load(key, displacement=model.points.shape, critical=(1,), anchors=(-1, 3))
     if entry is not None and np.isfinite(entry["displacement"]).all():
         return list(entry.values())
     allow()
-    displacement, share = model.solve_equilibrium(load, progress)
+    share, anchors = None, np.empty((0, 3))
+    if obstacles_of(model):
+        displacement, anchors = find_resting_state(model, load, progress)
+    else:
+        displacement, share = model.solve_equilibrium(load, progress)
     critical = np.array([math.nan if share is None else share])
-    cache.store(key, displacement=displacement, critical=critical)
-    return [displacement, critical]
+    cache.store(key, displacement=displacement, critical=critical, anchors=anchors)
+    return [displacement, critical, anchors]
 
 
 def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
@@ -572,6 +628,13 @@ def _woven_mass(grid: vtkUnstructuredGrid) -> float | None:
     """Return the mass per area [kg/m²] of the weave in a cage; None if there is no weave."""
     mass = grid.GetFieldData().GetArray("areal_mass")
     return None if mass is None else float(mass.GetValue(0))
+
+
+def _mean_edge(grid: vtkUnstructuredGrid) -> float:
+    """Return the mean length of the edges of a cage's tetrahedra [m]."""
+    corners = points_of(grid)[elements_of(grid)[:, :4]].astype(np.float64)
+    ends = corners[:, [0, 0, 0, 1, 1, 2]] - corners[:, [1, 2, 3, 2, 3, 3]]
+    return float(np.linalg.norm(ends, axis=2).mean())
 
 
 def _format_factor(times: float) -> str:

@@ -241,7 +241,7 @@ class TransientResponse(LoadParameters, Stage):
                 fittings,
                 model.terms,
             )
-        found, _ = load_or_solve_equilibrium(
+        found, *_ = load_or_solve_equilibrium(
             model, load, lambda share: self.report_progress(share, "hanging")
         )
         return found if model.displacement is None else found + model.displacement

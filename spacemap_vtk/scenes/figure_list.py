@@ -143,7 +143,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     ]
     if swing := figures.get("motion"):
         found.append(Figure("motion", "motion", describe_motion(swing)))
-    return found
+    return [*found, *contact_figures(figures.get("contact", []))]
 
 
 def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
@@ -234,6 +234,20 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
         if (error := hung["drape_coefficient_error"]) is not None:
             text = f"{drape:.1%} ± {error:.1%} (Cusick)"
         found.append(Figure("drape_coefficient", "drape coefficient", text, drape, "%"))
+    return found
+
+
+def contact_figures(contact: list[dict[str, Any]]) -> list[Figure]:
+    """Return the figures of a cage's contact with each obstacle, from `report_obstacles`."""
+    found = []
+    for each in contact:
+        number, force = each["obstacle"], each["force"]
+        text = (
+            f"{format_quantity(force, 'N', 4)}, {each['points']} points, "
+            f"{each['sliding']} of them at the limit of friction, "
+            f"up to {format_quantity(each['penetration'], 'm', 2)} deep"
+        )
+        found.append(Figure(f"contact_{number}", f"force on obstacle {number}", text, force, "N"))
     return found
 
 

@@ -7,9 +7,10 @@ from collections.abc import Generator
 from typing import Any
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.datasets.modal_model import ModesReader, sheet_of
+from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
 from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_section_to_errors
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver, load_or_solve_equilibrium
@@ -124,9 +125,25 @@ def report_modes(scene: Scene) -> dict[str, Any]:
         "alpha": damping.alpha,
         "beta": damping.beta,
         "hung": hanging,
+        "contact": report_obstacles(grid),
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
     }
+
+
+def report_obstacles(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
+    """Return the contact of a cage in equilibrium with each of its obstacles."""
+    return [
+        {
+            "obstacle": number,
+            "force": float(np.linalg.norm(found.force)),
+            "direction": (found.force / (np.linalg.norm(found.force) or 1.0)).tolist(),
+            "points": found.points,
+            "penetration": found.penetration,
+            "sliding": found.sliding,
+        }
+        for number, found in enumerate(contact_of(grid))
+    ]
 
 
 def report_sheet(sheet: DataSheet | None) -> dict[str, Any]:
@@ -232,7 +249,7 @@ def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | N
     # What changes in cells twice as wide still depends on the cells.
     weight = fewer.nodal_mass[:, None] * gravity
     try:
-        moved, _ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
+        moved, *_ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
     except SpacemapError:  # for example if no vertex remains that is held: all of it is in doubt
         figures["drape_coefficient_error"] = found
         return figures
@@ -294,6 +311,9 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
             figures |= report_sheet(solver.sheet_figures(made.output))
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
+                if solver.obstacles:
+                    scene.update_stage(solver)
+                    figures["contact"] = report_obstacles(solver.output)
     for _ in add_clearance(scene, figures):
         pass
     if over.size > MOST_CROSSINGS:

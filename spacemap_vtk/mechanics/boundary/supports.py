@@ -276,12 +276,20 @@ def rigid_motions(points: Floats, places: Bools | None = None) -> Floats:
     """Compute three translations and three rotations about the middle, (3V, 6), of similar size."""
     # Nodes that are not positions, such as half thicknesses, only turn.
     shifts = np.ones(len(points), dtype=bool) if places is None else places
-    arms = points - np.where(shifts[:, None], points[shifts].mean(axis=0), 0.0)
-    arms /= max(float(np.abs(arms).max()), np.finfo(float).tiny)
+    arms = _arms(points, shifts) / largest_arm(points, shifts)
     motions = np.zeros((len(points), 3, 6))
     motions[shifts, :, :3] = np.eye(3)
     motions[:, :, 3:] = small_rotations(arms)
     return motions.reshape(-1, 6)
+
+
+def largest_arm(points: Floats, places: Bools) -> float:
+    """Compute the length by which `rigid_motions` divides rotations."""
+    return max(float(np.abs(_arms(points, places)).max()), float(np.finfo(float).tiny))
+
+
+def _arms(points: Floats, places: Bools) -> Floats:
+    return points - np.where(places[:, None], points[places].mean(axis=0), 0.0)
 
 
 def small_rotations(vectors: Floats) -> Floats:

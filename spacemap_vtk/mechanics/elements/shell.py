@@ -212,13 +212,13 @@ def sheet_strains(
             _extend_to_nodes(value * director, 4),
         )
         for value, slope in (
-            (_shape_functions(at), _shape_slopes(at)[0 if number < 2 else 1])
+            (shape_functions(at), shape_slopes(at)[0 if number < 2 else 1])
             for number, at in enumerate(_MIDDLES)
         )
     ]
     forms = np.zeros((len(z), 4, 8, 8, 8))
     for q, (xi, eta) in enumerate(_GAUSS):
-        slope = along[:, q] @ _shape_slopes(_GAUSS[q])  # (E, 2, 4): derivatives along the axes
+        slope = along[:, q] @ shape_slopes(_GAUSS[q])  # (E, 2, 4): derivatives along the axes
         p = [_extend_to_nodes(slope[:, i], 0) for i in range(2)]
         d = [_extend_to_nodes(slope[:, i] * director, 4) for i in range(2)]
         for i in range(2):
@@ -242,7 +242,7 @@ def sheet_strains(
     rows = np.arange(count, 2 * count)[:, None]
     # Membrane and shear stiffness grow with the thickness, bending stiffness with its cube.
     taper = surface.relative_thickness(points, plate)[surface.quads]
-    there = taper @ np.stack([_shape_functions(at) for at in _GAUSS]).T
+    there = taper @ np.stack([shape_functions(at) for at in _GAUSS]).T
     weights = there[..., None] ** np.array([1, 1, 1, 3, 3, 3, 1, 1])
     weights *= (area * stiff)[..., None]
     corners = _local_axes(z, _CORNERS, surface.normal)[1] * stiff * taper
@@ -261,7 +261,7 @@ def assemble_sheet_mass(
     # The mass of δ is a third of that of p, because x = p + ζ δ with ζ from -1 to 1.
     count = len(surface.pairs)
     area = _local_axes(surface.to_nodes(points)[surface.quads], _GAUSS, surface.normal)[1]
-    shapes = np.stack([_shape_functions(at) for at in _GAUSS])
+    shapes = np.stack([shape_functions(at) for at in _GAUSS])
     volume = area * (surface.thickness(points)[surface.quads] @ shapes.T)
     if factors is not None:
         volume = volume * factors[:, None]
@@ -349,8 +349,8 @@ def frame_matrix(points: Floats, surface: MidSurface) -> tuple[csr_matrix, Float
 
     z, count = surface.to_nodes(points)[surface.quads], len(surface.pairs)
     along, area = _local_axes(z, _GAUSS, surface.normal)
-    slopes = np.stack([_shape_slopes(at) for at in _GAUSS])
-    shapes = np.stack([_shape_functions(at) for at in _GAUSS])
+    slopes = np.stack([shape_slopes(at) for at in _GAUSS])
+    shapes = np.stack([shape_functions(at) for at in _GAUSS])
     director = shapes * (2.0 / surface.thickness(points))[surface.quads][:, None]
     values = np.concatenate([along @ slopes, director[:, :, None]], axis=2)
     columns = np.stack([surface.quads, surface.quads, surface.quads + count], axis=1)
@@ -388,19 +388,19 @@ def _strains_from(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Fl
     return Strains(nodes, forms, bare.strains_and_gradients(nodal)[0], stiffness)
 
 
-def _shape_functions(at: Floats) -> Floats:
+def shape_functions(at: Floats) -> Floats:
     """Evaluate the four bilinear shape functions at a point (ξ, η)."""
     return (1 + _CORNERS * at).prod(axis=1) / 4
 
 
-def _shape_slopes(at: Floats) -> Floats:
+def shape_slopes(at: Floats) -> Floats:
     """Evaluate the derivatives of the shape functions along ξ and η, (2, 4)."""
     return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
 
 
 def _local_axes(z: Floats, places: Floats, normal: int) -> tuple[Floats, Floats]:
     """Compute ∂(ξ, η)/∂(axes 1 and 2), (E, q, 2, 2), and the area that belongs to each point."""
-    tangents = np.stack([_shape_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
+    tangents = np.stack([shape_slopes(at) for at in places]) @ z[:, None]  # (E, q, 2, 3)
     upward = np.cross(tangents[:, :, 0], tangents[:, :, 1])
     area: Floats = np.linalg.norm(upward, axis=2)
     upward /= area[..., None]

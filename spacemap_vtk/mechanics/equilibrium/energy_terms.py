@@ -17,7 +17,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -26,6 +26,19 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+
+class PairedNodes(Protocol):
+    """Nodes of a sheet in place of pairs of vertices: `elements.shell.MidSurface`."""
+
+    def to_nodes(self, vertices: Floats) -> Floats:
+        """Convert vectors of the vertices to mid-points and half thicknesses."""
+
+    def to_vertices(self, nodes: Floats) -> Floats:
+        """Convert mid-points and half thicknesses to vectors of the vertices."""
+
+    def vertex_nodes(self) -> tuple[Ints, Floats]:
+        """Return the two nodes of each vertex, and their signs."""
 
 
 class EnergyTerm(ABC):
@@ -147,6 +160,24 @@ class EnergyTerm(ABC):
         """
         return TermState(self, positions)
 
+    def in_model_nodes(self, surface: PairedNodes | None, factor: float) -> EnergyTerm:
+        """Convert a term of a cage's vertices to one of its model's nodes, times a factor.
+
+        Parameters
+        ----------
+        surface : PairedNodes or None
+            Mid-surface of a sheet, whose nodes are mid-points and half thicknesses of pairs of
+            vertices. The nodes of a solid are the vertices.
+        factor : float
+            Factor of the energy.
+
+        Returns
+        -------
+        EnergyTerm
+            By default a `VertexTerm`, which converts positions, forces and tangent.
+        """
+        return VertexTerm(self, surface, factor)
+
     def stiffness_products(self, positions: Floats, fields: Floats) -> Floats:
         """Compute φᵀ K φ for each pair of displacement fields.
 
@@ -163,9 +194,8 @@ class EnergyTerm(ABC):
             Products [J] if the fields are in m.
         """
         moved = fields[:, self.nodes].reshape(len(fields), len(self.nodes), -1)
-        return np.asarray(
-            np.einsum("mei,eij,nej->mn", moved, self.tangent(positions), moved, optimize=True)
-        )
+        blocks = self.evaluate(positions).tangent_at_rest()
+        return np.asarray(np.einsum("mei,eij,nej->mn", moved, blocks, moved, optimize=True))
 
 
 class TermState:
@@ -195,6 +225,10 @@ class TermState:
         negative = (vectors * np.minimum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
         return np.asarray(blocks - removed * negative)
 
+    def tangent_at_rest(self, removed: float = 0.0) -> Floats:
+        """Compute the tangent for vibrations about a state at rest, whose contacts stay closed."""
+        return self.tangent(removed)
+
     def predict(self, move: Floats, curve: Floats | None = None) -> Any:
         """Predict data for the tangent after a move and a curve; None: it uses the new state."""
         return None
@@ -223,6 +257,64 @@ class DeadLoad(EnergyTerm):
     def tangent(self, positions: Floats) -> Floats:
         """Return no matrices, as the forces do not depend on the positions."""
         return np.empty((0, 3, 3))
+
+
+class VertexTerm(EnergyTerm):
+    """Term of a cage's vertices as a term of its model's nodes, multiplied by a factor."""
+
+    # The nodes of a sheet are mid-points and half thicknesses of pairs of vertices, see
+    # `spacemap_vtk.mechanics.elements.shell.MidSurface`. The nodes of a solid are the vertices.
+
+    def __init__(self, term: EnergyTerm, surface: PairedNodes | None, factor: float = 1.0) -> None:
+        self._term, self._surface, self._factor = term, surface, factor
+        self.nodes = term.nodes
+        self.conservative = term.conservative
+        if surface is not None:
+            ends, signs = surface.vertex_nodes()
+            self.nodes = ends[term.nodes].reshape(len(term.nodes), -1)
+            #: (E, n, 2) Signs of the mid-point and the half thickness of each vertex.
+            self._signs = signs[term.nodes]
+
+    @property
+    def digest(self) -> str:
+        """Digest of the term and the factor; the mesh determines the surface."""
+        return digest_of(self._term.digest, self._factor)
+
+    def energy(self, positions: Floats) -> float:
+        """Compute the energy times the factor."""
+        return self._factor * self._term.energy(self._vertices(positions))
+
+    def forces(self, positions: Floats) -> Floats:
+        """Compute the gradient of the energy by the nodes."""
+        forces = self._factor * self._term.forces(self._vertices(positions))
+        return forces if self._surface is None else 2 * self._surface.to_nodes(forces)
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Compute the second derivatives of the energy by the nodes."""
+        return self._factor * self._of_nodes(self._term.tangent(self._vertices(positions)))
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Compute the largest step that the wrapped term admits."""
+        return self._term.largest_step(self._vertices(positions), self._vertices(move))
+
+    def admits(self, start: Floats, positions: Floats) -> bool:
+        """Check whether the wrapped term admits the positions."""
+        return self._term.admits(self._vertices(start), self._vertices(positions))
+
+    def resistance_matrices(self) -> Floats:
+        """Compute the matrices of the wrapped term by the nodes."""
+        return self._of_nodes(self._term.resistance_matrices())
+
+    def _vertices(self, nodal: Floats) -> Floats:
+        return nodal if self._surface is None else self._surface.to_vertices(nodal)
+
+    def _of_nodes(self, blocks: Floats) -> Floats:
+        if self._surface is None:
+            return blocks
+        count, size = self._term.nodes.shape
+        parts = blocks.reshape(count, size, 3, size, 3)
+        parts = np.einsum("eaikj,eap,ekq->eapikqj", parts, self._signs, self._signs)
+        return np.asarray(parts.reshape(count, 6 * size, 6 * size))
 
 
 def assemble_tangent(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
@@ -261,7 +353,18 @@ _MAKERS: dict[str, TermFactory] = {}
 
 
 def energy_term(kind: str) -> Callable[[TermFactory], TermFactory]:
-    """Register a function that makes a term, under the kind by which recipes name it."""
+    """Register a function that makes a term, under the kind by which recipes name it.
+
+    Parameters
+    ----------
+    kind : str
+        The kind.
+
+    Returns
+    -------
+    callable
+        Decorator of the function, which it returns unchanged.
+    """
     # The function is called with the undeformed vertices (V, 3) of the cage and its tetrahedra
     # (T, 4) or (T, 10); the other entries of the recipe are its keyword arguments.
 

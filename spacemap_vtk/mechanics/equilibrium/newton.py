@@ -83,6 +83,16 @@ MIN_SHARE = 1 / 64
 MAX_UNRESISTED = 0.01
 
 
+#: A body that only its contact holds has motions that nothing resists, in which Newton's steps have
+#: no end; inertia bounds them. It falls while the energy falls, so that it costs few steps.
+#: Factors of the inertia after a step that raises the energy, and after one that lowers it …
+MORE_INERTIA = 4.0
+LESS_INERTIA = 0.5
+#: … and its least and largest multiple of the inertia at the start.
+LEAST_INERTIA = 1e-4
+MOST_INERTIA = 1e2
+
+
 class Equilibrium(NamedTuple):
     """Stable equilibrium of a body."""
 
@@ -119,21 +129,30 @@ def find_equilibrium(
                 "the cage, or a part of it, is not held against the load",
                 cure="Fix a side or a corner of it, or remove the load",
             )
-        z, residual, solved_share, step = start, 0.0, 0.0, 1.0
-        critical: float | None = None
-        while solved_share < 1.0:
-            share = min(1.0, solved_share + step)
-            search = _Search(system, len(loads), z, solved_share, share)
-            found = search.run(min(steps, system.steps + MAX_STEPS))
-            critical = search.critical if critical is None else critical
-            if found is not None:
-                z, residual, solved_share, step = *found, share, 2 * step
-                continue
-            step /= 2
-            if step < MIN_SHARE or system.steps >= steps:
-                raise _no_equilibrium(system.steps, solved_share, critical)
+        found = load_in_shares(system, len(loads), start, steps)
     if progress is not None:
         progress(1.0)
+    return found
+
+
+def load_in_shares(
+    system: ReducedSystem, loads: int, start: Floats, steps: int, rests: bool = True
+) -> Equilibrium:
+    """Apply the first terms of a system, its loads, in as few shares as succeed."""
+    # Where a body buckles is known only if it rests without the loads at the start.
+    z, residual, solved_share, step = start, 0.0, 0.0, 1.0
+    critical: float | None = None
+    while solved_share < 1.0:
+        share = min(1.0, solved_share + step)
+        search = _Search(system, loads, z, solved_share, share, rests)
+        found = search.run(min(steps, system.steps + MAX_STEPS))
+        critical = search.critical if critical is None else critical
+        if found is not None:
+            z, residual, solved_share, step = *found, share, 2 * step
+            continue
+        step /= 2
+        if step < MIN_SHARE or system.steps >= steps:
+            raise _no_equilibrium(system.steps, solved_share, critical)
     return Equilibrium(z, system.steps, residual, critical)
 
 
@@ -150,9 +169,17 @@ class _Search:
     """Search for a stable state under a share of the load, from one under a smaller share."""
 
     def __init__(
-        self, system: ReducedSystem, loads: int, start: Floats, before: float, share: float
+        self,
+        system: ReducedSystem,
+        loads: int,
+        start: Floats,
+        before: float,
+        share: float,
+        rests: bool = True,
     ) -> None:
         self._system, self._start, self._before, self._share = system, start, before, share
+        #: Whether the start is in equilibrium before this share.
+        self._rests = rests
         #: Number of loads; they are the first terms of the system.
         self._loads = loads
         system.factors[:loads] = share
@@ -160,6 +187,7 @@ class _Search:
         #: Expected decrease of energy in the last step; the smallest such decrease recently; and
         #: the number of steps in a row that did not clearly go below it.
         self._expected_decrease, self._smallest_decrease, self._stalled_steps = np.inf, np.inf, 0
+        self._last_energy = np.inf
         #: Share of the compressive stresses (negative curvature) that the tangent leaves out.
         self._removed_share = 1.0
         #: Whether each step has to lower the energy. If not, `_predictions` holds the prediction of
@@ -179,6 +207,11 @@ class _Search:
             force, energies = system.forces(states), system.energies(states)
             energy, size = float(energies.sum()), float(abs(energies).sum())
             unbalanced = float(np.linalg.norm(force))
+            if system.inertia.any():
+                rises = energy > self._last_energy
+                scale = system.inertia_scale * (MORE_INERTIA if rises else LESS_INERTIA)
+                system.inertia_scale = float(np.clip(scale, LEAST_INERTIA, MOST_INERTIA))
+                self._last_energy = energy
             load_norm = load_norm or self._load_norm(states) or unbalanced or 1.0
             settled = (
                 unbalanced <= MAX_RESIDUAL * load_norm
@@ -283,7 +316,8 @@ class _Search:
             return False
         straight = self._z - self._start
         if (
-            self.critical is None
+            self._rests
+            and self.critical is None
             and system.largest_step(self._start, straight) * PROPORTIONAL > 1.0
         ):
             stable = system.tangent(system.evaluate(self._start))

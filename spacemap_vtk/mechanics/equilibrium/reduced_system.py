@@ -41,6 +41,10 @@ class ReducedSystem:
         #: Factor of each term.
         self.factors = np.ones(len(terms))
         self._transposed = self.basis.T
+        #: Stiffness that is added to each coordinate in steps, but not to the forces, so that
+        #: motions which nothing resists have finite steps.
+        self.inertia = np.zeros(basis.shape[1])
+        self.inertia_scale = 1.0
         #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
@@ -124,7 +128,7 @@ class ReducedSystem:
         """Factorise a positive definite matrix; return its solver."""
         self.report()
         self.steps += 1
-        solve = factorise(self._add_shift(matrix), lambda: self._analysis, self.report).solve
+        solve = factorise(self.add_shift(matrix), lambda: self._analysis, self.report).solve
         return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
 
     def factorise_definite(self, matrix: sp.csr_matrix) -> Solve:
@@ -156,7 +160,7 @@ class ReducedSystem:
     ) -> tuple[float, Floats, Solve]:
         """Find the lowest eigenvalue of a pencil, its vector, and the solver of `definite`."""
         solve, size = self.factorise_definite(definite), matrix.shape[0]
-        definite = self._add_shift(definite)
+        definite = self.add_shift(definite)
         if size <= _DENSE:
             values, vectors = la.eigh(matrix.toarray(), definite.toarray(), subset_by_index=[0, 0])
             return float(values[0]), vectors[:, 0], solve
@@ -198,8 +202,11 @@ class ReducedSystem:
         """Report the progress; the callback may raise an exception to stop."""
         self._progress(1.0 - float(np.exp(-self.steps / 40)))
 
-    def _add_shift(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
-        return matrix + sp.diags(self._shift * matrix.diagonal(), format="csr")
+    def add_shift(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
+        """Add the shift and the inertia to a tangent, so that it is regular."""
+        return matrix + sp.diags(
+            self._shift * matrix.diagonal() + self.inertia_scale * self.inertia, format="csr"
+        )
 
 
 def reduction_entries(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:

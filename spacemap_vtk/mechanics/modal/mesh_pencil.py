@@ -39,7 +39,6 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     assemble_tangent,
     digest_of,
 )
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 from spacemap_vtk.mechanics.modal.pencil import Nodes, Pencil, free_columns, require_columns
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
@@ -101,7 +100,7 @@ class MeshPencil(Pencil):
         self.fittings, self._local = fittings, local
         self.surface = find_mid_surface(points, cells) if len(material) > 1 else None
         #: Terms other than elements and springs.
-        self.added = [VertexTerm(term, self.surface, 1 / modulus) for term in added]
+        self.added = [term.in_model_nodes(self.surface, 1 / modulus) for term in added]
         if len(material) > 1 and self.surface is None:
             raise GeometryError(
                 "the cage cannot be a sheet: it is not a lattice of one layer",
@@ -169,12 +168,21 @@ class MeshPencil(Pencil):
             places[len(self.surface.pairs) :] = False
         nodes = Nodes(positions, places)
         if self.other_terms:
-            alike = [(term.nodes, _normalise(term.tangent(positions))) for term in self.other_terms]
+            # Negative curvature, such as that of an obstacle, holds nothing.
+            states = [term.evaluate(positions) for term in self.other_terms]
+            alike = [
+                (state.term.nodes, _normalise(state.tangent_at_rest(removed=1.0)))
+                for state in states
+            ]
             nodes = nodes._replace(springs=assemble_blocks(alike, positions.size))
         if self._displacement is None:
             return nodes
-        forces = np.sum([term.forces(positions) for term in self.terms], axis=0)
-        return nodes._replace(forces=forces)
+        strains = forces = np.sum([term.forces(positions) for term in self.elements], axis=0)
+        if self.other_terms:
+            tangent = _assemble_at_rest(self.other_terms, positions)
+            forces = strains + np.sum([term.forces(positions) for term in self.other_terms], axis=0)
+            nodes = nodes._replace(tangent=tangent)
+        return nodes._replace(forces=forces, strain_forces=strains)
 
     @property
     def size(self) -> int:
@@ -201,9 +209,12 @@ class MeshPencil(Pencil):
     def full_stiffness(self) -> csr_matrix:
         positions = self.nodes.positions
         if self.surface is not None or self._displacement is not None:
-            return assemble_tangent(self.terms, positions)
-        found = stiffness_matrix(self.assembly, self.material[0])
-        return found + assemble_tangent(self.other_terms, positions) if self.other_terms else found
+            found = assemble_tangent(self.elements, positions)
+        else:
+            found = stiffness_matrix(self.assembly, self.material[0])
+        if not self.other_terms:
+            return found
+        return found + _assemble_at_rest(self.other_terms, positions)
 
     @cached_property
     def full_mass(self) -> csr_matrix:
@@ -322,6 +333,12 @@ def _normalise(blocks: Floats) -> Floats:
     """Scale matrices so that their largest entry is one; a zero matrix stays zero."""
     sizes = abs(blocks).max(axis=(1, 2), keepdims=True)
     return np.divide(blocks, sizes, out=np.zeros_like(blocks), where=sizes > 0)
+
+
+def _assemble_at_rest(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
+    """Assemble the tangent of terms for vibrations about a state at rest."""
+    parts = [(term.nodes, term.evaluate(positions).tangent_at_rest()) for term in terms]
+    return assemble_blocks(parts, positions.size)
 
 
 def _stiffness_products(terms: Sequence[EnergyTerm], positions: Floats, fields: Floats) -> Floats:

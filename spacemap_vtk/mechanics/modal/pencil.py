@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.boundary.supports import rigid_motions, small_rotations
+from spacemap_vtk.mechanics.boundary.supports import largest_arm, rigid_motions, small_rotations
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 # Modes may come from a cache, so the solvers of scipy are imported only where something is solved.
@@ -59,6 +59,10 @@ class Nodes(NamedTuple):
     """Whether a node is a position; half thicknesses of a sheet are not, and only turn, (V,)."""
     forces: Floats | None = None
     """Forces that hold the equilibrium, if it is strained, (V, 3)."""
+    strain_forces: Floats | None = None
+    """Share of these forces that holds the strains of the elements, (V, 3)."""
+    tangent: sp.csr_matrix | None = None
+    """Tangent of what else acts on a strained mesh, (3V, 3V)."""
     springs: sp.csr_matrix | None = None
     """Matrix of the springs to the base, scaled to ignore their stiffness, (3V, 3V)."""
 
@@ -68,12 +72,19 @@ class Nodes(NamedTuple):
         return np.flatnonzero(self.translate)
 
     def rigid_motions(self, near: Ints) -> tuple[Floats, Floats]:
-        """Compute the six rigid motions of given nodes, (3n, 6), and how they turn the loads."""
-        loads = np.zeros((len(near), 3, 6))
-        if self.forces is not None and self.forces.any():
-            loads[:, :, 3:] = small_rotations(self.forces[near] / abs(self.forces).max())
+        """Compute the six rigid motions of given nodes, (3n, 6), and how they unbalance them."""
+        # Forces of the elements turn with a motion; those of other terms change by their tangent.
+        loads = np.zeros((3 * len(near), 6))
         six = rigid_motions(self.positions[near], self.translate[near])
-        return six, loads.reshape(-1, 6)
+        if self.strain_forces is None or not self.strain_forces.any():
+            return six, loads
+        size = abs(self.strain_forces).max()
+        loads[:, 3:] = small_rotations(self.strain_forces[near] / size).reshape(-1, 3)
+        if self.tangent is not None:
+            rows = (3 * near[:, None] + np.arange(3)).ravel()
+            arm = largest_arm(self.positions[near], self.translate[near])
+            loads += self.tangent[rows][:, rows] @ six * (arm / size)
+        return six, loads
 
 
 class Pencil:

@@ -21,10 +21,10 @@ from scipy.sparse import csr_matrix
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
 from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
+from spacemap_vtk.mechanics.contact.resting import obstacles_of
 from spacemap_vtk.mechanics.elements.strains import StrainState
-from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState, VertexTerm
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
-from spacemap_vtk.mechanics.equilibrium.vertex_terms import VertexTerm
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.damping import Damping
@@ -504,4 +504,9 @@ def _check_supported(cage: CageModes, loads: Sequence[LoadVector]) -> None:
             "time stepping does not support rigid places, which can turn by small angles only",
             key="rigid",
             cure="Fix the place, leave out modal.rigid, or use [response].",
+        )
+    if any(term.coefficient > 0.0 for term in obstacles_of(cage.model)):
+        raise InputError(
+            "time stepping does not support friction on obstacles yet",
+            cure="Leave out friction of modal.obstacles, or use [response].",
         )
