@@ -176,10 +176,15 @@ def freed_stages() -> Iterator[None]:
     assert not leaked
 
 
+#: The modules whose tests share a window, while they run: one, or none.
+_sharing: list[Any] = []
+
+
 @pytest.fixture(autouse=True)
-def no_leaked_stages(request: pytest.FixtureRequest) -> Iterator[None]:
-    # Those of the window that a module shares are freed with it: see `module_window`.
-    with nullcontext() if "open_scene" in request.fixturenames else freed_stages():
+def no_leaked_stages() -> Iterator[None]:
+    # Stages of the window that a module shares are freed with it: see `module_window`. Its timers
+    # may make one while a test runs that does not use it.
+    with nullcontext() if _sharing else freed_stages():
         yield
 
 
@@ -282,7 +287,9 @@ def module_window(request: pytest.FixtureRequest) -> Iterator[Callable[[int], An
     """Make a module's window when it is first asked for; all that it had made goes with it."""
     with silence(), freed_stages(), freed_windows(request.getfixturevalue("qapp")) as make:
         window = cache(lambda _failures: make())
+        _sharing.append(request.node)
         yield window
+        _sharing.pop()
         window.cache_clear()
 
 

@@ -436,7 +436,7 @@ def test_named_yarns_set_count_density_and_packing_of_a_scene() -> None:
 
 
 def test_a_pattern_weft_and_tabby_are_planned_by_themselves() -> None:
-    """The two weft yarns take turns pick by pick, also if their counts are equal."""
+    """Each of the two weft yarns is planned for every second pick, even if counts are equal."""
     scene = Scene({"weave": {"pattern": ["1100", "1010", "0011", "0101"], "weft_color": "#203040"}})
     for tabby in ("20/2 cotton", "8/2 tencel"):
         chosen = PlanSettings(

@@ -308,7 +308,8 @@ def test_yarns_of_cloths_that_change_places_leave_4_percent_open() -> None:
     cloth = WeaveSource(draft=REAL.with_name("double_weave.wif")).cloth
     space = cloth.warp.spacing
     assert cloth.warp.aspect * cloth.warp.diameter == pytest.approx(0.8 * space)
-    # Between yarns of the other cloth, 1.05 (d + d) fits into p less the flat w - d.
+    # A yarn passes between two of the other cloth if 1.05 (d + d) fits into the spacing p less
+    # the flat w - d; with w = 0.8 p this gives d.
     assert cloth.warp.diameter == pytest.approx(THICKNESS_SHARE * 0.2 * space / 1.1, rel=1e-8)
 
 

@@ -87,7 +87,7 @@ def test_a_pixel_shows_the_mean_of_its_yarns(
     assert np.abs(apart).mean() < 2.0 * most
 
 
-#: Drafts whose visible yarns are not those of their drawdowns, and a satin with single crossings.
+#: Drafts in which other yarns are visible than in the drawdown; and a satin.
 DRAFTS = {
     "pattern weft": {"draft": "drafts/monks_belt.wif"},
     "double weave": {"draft": "double_weave.wif"},

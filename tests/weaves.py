@@ -33,7 +33,7 @@ def closed_cloth(
     spacings: tuple[float, float] = (1.0, 1.0),
     exact: bool = False,
 ) -> Cloth:
-    """Cloth that lenses close: yarns 0.9 wide, 1 apart, or random ones within the given bounds."""
+    """Make a cloth of lenses that hardly leave gaps: 0.9 wide and 1 apart, or random in bounds."""
     random, families = np.random.default_rng(2), []
     for count in drawdown.shape[::-1]:
         spacing = random.uniform(*spacings, count - 1)

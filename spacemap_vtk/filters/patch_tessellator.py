@@ -243,7 +243,7 @@ class PatchTessellator(Stage):
         for group in prepared.groups:
             samples = group.strands(strands).relative_brightness(group.numbers, look)
             bright[group.numbers, 0] = samples.mean(axis=0)
-        _brighten(moved.GetCellData(), bright)
+        _brighten_cells(moved.GetCellData(), bright)
         moved.GetFieldData().RemoveArray(PLACES)
         return moved
 
@@ -290,7 +290,7 @@ def bake_brightness(surface: vtkPolyData) -> vtkPolyData:
         return surface
     baked = shallow_copy(surface)
     corners = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 4)
-    _brighten(baked.GetCellData(), bright[corners].mean(axis=1, keepdims=True))
+    _brighten_cells(baked.GetCellData(), bright[corners].mean(axis=1, keepdims=True))
     baked.GetPointData().RemoveArray(LOOK)
     return baked
 
@@ -330,8 +330,8 @@ def brighten(colors: Bytes, bright: AnyFloats) -> Bytes:
     return np.rint(np.clip(colors * bright, 0.0, 255.0)).astype(np.uint8)
 
 
-def _brighten(data: vtkFieldData, bright: AnyFloats) -> None:
-    """Multiply the colours of cells."""
+def _brighten_cells(data: vtkFieldData, bright: AnyFloats) -> None:
+    """Multiply the colours of cells by a relative brightness, (cells, 1)."""
     colors = data.GetArray("color")
     if colors is not None:
         data.AddArray(to_array(brighten(vtk_to_numpy(colors), bright), "color"))

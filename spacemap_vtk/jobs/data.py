@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -16,8 +17,6 @@ from spacemap_vtk.io.registry import DATA, writer, writer_endings, writers
 from spacemap_vtk.jobs.job import (
     Context,
     Job,
-    Progress,
-    ReportLoss,
     Times,
     film_times,
     make_job,
@@ -57,18 +56,13 @@ class ExportJob(Job):
         """Whether other files may appear next to the output."""
         return True
 
-    def run(
-        self,
-        scene: Scene,
-        progress: Progress = lambda done, of: None,
-        report_loss: ReportLoss | None = None,
-        atomic: bool = True,
-    ) -> str:
-        """Make the file from a scene, and return a sentence about it, or an empty text."""
+    @contextmanager
+    def prepare(self, scene: Scene) -> Iterator[None]:
+        """Let the data have irregular yarns if they are asked for, and regular ones otherwise."""
         from spacemap_vtk.scenes.irregular_data import yarns_of_data
 
         with yarns_of_data(scene, self.kind, self.irregular):
-            return super().run(scene, progress, report_loss, atomic)
+            yield
 
 
 @register(*(kind for kind in DATA if kind not in ("moving", "modes")))

@@ -111,6 +111,11 @@ class Job(ABC):
     def write(self, context: Context) -> str:
         """Make the file, and return a sentence about it, or an empty text."""
 
+    @contextmanager
+    def prepare(self, scene: Scene) -> Iterator[None]:
+        """Keep a scene as this job needs it while the output is written."""
+        yield
+
     def run(
         self,
         scene: Scene,
@@ -125,7 +130,7 @@ class Job(ABC):
 
         times = self.decide_times(scene)
         record = {k: v for k, v in self.as_json().items() if k not in self.unrecorded}
-        with attach_record(make_record(scene, record, times.span)):
+        with self.prepare(scene), attach_record(make_record(scene, record, times.span)):
             return self.write(
                 Context(scene, times.values, progress, report_loss or scene.warn, atomic)
             )

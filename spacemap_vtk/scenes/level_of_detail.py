@@ -214,8 +214,8 @@ def choose_level(
     sides = cloth.subdivisions or sides_for_pixels(scale * cloth.height)
     size = yarn_bytes(scene, request, cloth.patches, sides)
     face = scale * cloth.spacing if flat_cloth(scene) else None
-    # The estimate holds within a factor of two, and a sheet is always possible.
-    fit = fits_in_memory(2 * size)
+    # The estimate holds within a factor of two. A large cloth can also be drawn as a sheet.
+    fit = fits_in_memory(2 * size if cloth.patches > MANY_PATCHES else size)
     form = choose_method(cloth, face, fit, opengl=opengl, window=window)
     if form is DrawingMethod.WHOLE:
         require_yarns(scene, request, counts, cloth.patches, sides)

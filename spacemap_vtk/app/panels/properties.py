@@ -31,7 +31,7 @@ from spacemap_vtk.scenes.pipeline import section_classes
 _LIMIT_SECONDS = 0.25
 #: Largest fraction of the time that these computations may take.
 _LIMIT_SHARE = 0.02
-#: Settings whose feasible intervals are kept: enough for undo and for a change of page.
+#: Number of settings for which feasible intervals are kept: some steps of undo, and other pages.
 _KEPT_INTERVALS = 8
 #: Sections with more parameters get a search field.
 _SEARCH_FROM = 8

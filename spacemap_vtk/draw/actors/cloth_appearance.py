@@ -216,8 +216,9 @@ class ClothAppearance:
         return made
 
     def visible_normals(self, strength: float) -> tuple[Floats, Floats]:
-        """Return the normals that are visible of the face, (n, 3), and how much light they get."""
-        # The amounts have the sum 1 if shadows have no strength.
+        """Return the normals that are visible from the face, (n, 3), and their light, (n,)."""
+        # The light that arrives at a normal is a share of that of all; without shadows, the sum
+        # is 1.
         face = self._row((0.0, 0.0, 1))[0]
         steps = np.linspace(-1.0, 1.0, NODES)
         y, x = np.meshgrid(steps * np.abs(steps), steps * np.abs(steps), indexing="ij")

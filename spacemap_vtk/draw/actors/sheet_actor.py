@@ -67,7 +67,7 @@ _LAYERS = {
     "warpBack": (-1, 0),
     "weftBack": (-1, 1),
 }
-#: Light of a whole crossing over the mean light of its family that fits into a texel.
+#: Largest light of a crossing that a texel can store, relative to the mean of its family.
 _MOST_LIGHT = 1.6
 #: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
 #: power.
@@ -576,8 +576,8 @@ def coarsen_sheet(
 
 def simplify_sheet(sheet: vtkPolyData, cells: tuple[int, int], tolerance: float) -> vtkPolyData:
     """Return a sheet with fewer cells that looks the same; `sheet` itself if it bends too much."""
-    # Positions differ by at most `tolerance`, in m. OpenGL shades pixels in blocks, so that cells
-    # of few pixels take several times as long.
+    # Positions differ by at most `tolerance`, in m. OpenGL shades pixels in blocks of 2 x 2, also
+    # those of a block that lie outside a triangle: many small triangles take several times as long.
     data, shape = sheet.GetPointData(), (cells[1] + 1, cells[0] + 1, -1)
     columns = [points_of(sheet).reshape(shape) / tolerance]
     for name in ("warp", "weft"):

@@ -32,7 +32,7 @@ class PageMap:
         )
 
     def y(self, pick: float) -> float:
-        """Return the y coordinate below a number of picks on the map, in mm."""
+        """Return the y coordinate of the border after the first `pick` picks, in mm."""
         ends_up = self.size[1] - pick
         return self.box.top + self.box.height / self.size[1] * (pick if self.from_top else ends_up)
 

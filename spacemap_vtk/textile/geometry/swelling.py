@@ -65,14 +65,14 @@ class Growth(NamedTuple):
 
 
 USUAL_GROWTH = Growth()
-#: Growth of floats that are drawn out over their tabby. They become much wider, so they need more
-#: length for it, and short ones have too little.
-_DRAWN_OUT = Growth(rise=0.7, short=0.5)
+#: Growth of floats of a pattern weft, which cover the tabby beside them. They widen much more than
+#: other floats and need a longer way for it, which short floats do not have.
+_PATTERN_GROWTH = Growth(rise=0.7, short=0.5)
 
 
 def float_growth(cloth: Cloth, number: int) -> Growth:
     """Return how fast and how far floats of ends (0) or picks (1) swell."""
-    return USUAL_GROWTH if cloth.threads[number].float_width is None else _DRAWN_OUT
+    return USUAL_GROWTH if cloth.threads[number].float_width is None else _PATTERN_GROWTH
 
 
 class FloatEnds(NamedTuple):
@@ -102,9 +102,9 @@ def share_along_floats(
     """Compute the share of swelling at crossings."""
     # `upper` (yarns, n) says whether yarns lie over those that they cross; `before` and `after`,
     # (yarns, n - 1), are the arcs at the start and the end of each gap; `short` is the largest
-    # share in floats of two crossings. The results are s and its
-    # derivative along the yarn, (yarns, n). A yarn that floats at its first or last crossing is
-    # fully swollen there, because the float may go on.
+    # share in floats of two crossings. The results are s and its derivative along the yarn,
+    # (yarns, n). A yarn that floats at its first or last crossing is fully swollen there, because
+    # the float may go on.
     same = upper[:, 1:] == upper[:, :-1]
     spacing = np.broadcast_to(spacing, same.shape)
     goes_on = np.concatenate([same, same[:, -1:]], axis=1)
