@@ -33,6 +33,7 @@ VALUES: tuple[Any, ...] = (
     [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
     [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
     [{"pressure": "2 Pa", "on": "-y"}],
+    [{"shape": "sphere", "radius": "2 mm", "center": [0, 0, "-3 mm"], "friction": 1 / 3}],
 )
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact, Friction, ObstacleTerm
-from spacemap_vtk.mechanics.contact.settle import settle
 from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, EnergyTerm
 from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refine
 from spacemap_vtk.mechanics.modal.model import Model
@@ -79,6 +78,9 @@ def find_resting_state(
     SolverError
         If no stable state was found.
     """
+    # This imports scipy's solvers, which results from disk do not need.
+    from spacemap_vtk.mechanics.contact.settle import settle
+
     guess, frictions = None, [term.friction for term in obstacles_of(model)]
     coarse = coarsen(model) if start is None else None
     if start is not None:
