@@ -194,11 +194,12 @@ def bend(model: Model, place: Any, angle: Any) -> Resting:
     return Resting(moved - points, np.empty((0, 3)))
 
 
-def test_loop_between_two_plates_pushes_them_apart() -> None:
+@pytest.mark.parametrize("cells", [40, 80])
+def test_loop_between_two_plates_pushes_them_apart(cells: int) -> None:
     """An elastica without weight; one half of it, from the clamped apex to one of the plates."""
     gap = 0.02
     plate = Plane((gap / 2 + THICKNESS / 2, 0, 0), (-1, 0, 0))
-    model = strip(0, 1.4 * gap, 40, [plate], lambda x: x < 1e-9)
+    model = strip(0, 1.4 * gap, cells, [plate], lambda x: x < 1e-9)
     along, radius = model.points[:, 0], gap / 2
     angle = np.minimum(along / radius, math.pi / 2)
     straight = np.maximum(along - radius * math.pi / 2, 0.0)

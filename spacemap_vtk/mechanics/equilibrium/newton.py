@@ -40,7 +40,8 @@ MAX_RESIDUAL = 1e-8
 MAX_DECREASE = 1e-18
 #: … or if MAX_STALLED steps in a row would each lower the energy by less than the share STALLED,
 #: and by no less than half of the smallest decrease before. Only rounding is left then, as with
-#: tetrahedra that are much thinner than wide.
+#: tetrahedra that are much thinner than wide. On obstacles such steps may be real: where many
+#: samples touch and hardly press, each step changes which of them do.
 STALLED = 1e-6
 MAX_STALLED = 3
 
@@ -216,7 +217,7 @@ class _Search:
             settled = (
                 unbalanced <= MAX_RESIDUAL * load_norm
                 or self._expected_decrease <= MAX_DECREASE * size
-                or self._stalled_steps >= MAX_STALLED
+                or (self._rests and self._stalled_steps >= MAX_STALLED)
             )
             if self._return_if_astray(energy, size, settled):
                 continue
