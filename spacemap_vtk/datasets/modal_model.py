@@ -131,6 +131,14 @@ def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
     return rested_terms(terms, positions, array_of(grid.GetFieldData(), _ANCHORS, _OWNER))
 
 
+def bodies_of(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
+    """Return shape and place of each obstacle of a cage, see `filters.obstacle.Obstacle.body`."""
+    array = grid.GetFieldData().GetAbstractArray(_TERMS)
+    count = 0 if array is None else array.GetNumberOfValues()
+    recipes = [json.loads(array.GetValue(k)) for k in range(count)]
+    return [recipe["body"] for recipe in recipes if recipe["kind"] == "obstacle"]
+
+
 def add_contact(grid: vtkUnstructuredGrid, model: Model) -> None:
     """Write what each obstacle and the cage do to each other into field arrays."""
     field, found = grid.GetFieldData(), report_contact(model)

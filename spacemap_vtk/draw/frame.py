@@ -17,6 +17,7 @@ from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.load_arrows import Arrows, load_arrows
 from spacemap_vtk.draw.camera import CameraView
 from spacemap_vtk.draw.detail.underlay import Underlay
+from spacemap_vtk.draw.obstacles import ShownObstacles, show_obstacles
 from spacemap_vtk.filters.load_parameters import LoadParameters
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.rotation_strain import RotationStrain
@@ -52,6 +53,8 @@ class Frame:
     in_use: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     #: Arrows of the loads on the cage; None if the loads are unknown.
     arrows: Arrows | None = None
+    #: Obstacles that the cage touches; None without any.
+    obstacles: ShownObstacles | None = None
     #: Whether the surface is coarser than the scene requests.
     coarse: bool = False
     #: Index of the mode that is shown in place of the motion; -1 for a pull.
@@ -93,8 +96,10 @@ def frame_of(
     loads: bool = True,
     cloth: Cloth | None = None,
     crossings: NDArray[Any] | None = None,
+    quick: bool = False,
 ) -> Frame:
     """Return a frame with the results of a scene's last update, or with the given surface."""
+    # `quick` shades obstacles roughly, for frames that are replaced at once.
     if cage is None and scene.moves:
         cage = shallow_copy(scene.deformed_cage)
     drawn = shallow_copy(scene.polygons if surface is None else surface)
@@ -113,6 +118,7 @@ def frame_of(
             **{stage.section: stage.values_in_use for stage in scene.stages},
         },
         arrows=arrows_of(scene, time) if loads else None,
+        obstacles=obstacles_of(scene, cage, drawn, quick),
         cloth=cloth,
         crossings=crossings,
     )
@@ -140,6 +146,17 @@ def arrows_of(scene: Scene, time: float) -> Arrows | None:
     solver = scene.stage("solver")
     dead = solver.dead_loads if isinstance(solver, ModalSolver) and solver.is_hung else ()
     return load_arrows(mover, scene.deformed_cage, time, dead)
+
+
+def obstacles_of(
+    scene: Scene, cage: vtkUnstructuredGrid | None, surface: vtkPolyData, quick: bool = False
+) -> ShownObstacles | None:
+    """Return the obstacles of a scene as its view shows them; None without any."""
+    view = scene.view
+    if cage is None or not view.obstacles:
+        return None
+    shadows = view.shadows and view.resolved_style.occlusion > 0.0
+    return show_obstacles(cage, surface, shadows, quick)
 
 
 def apply_mode_shape(

@@ -39,6 +39,7 @@ from spacemap_vtk.draw.detail.underlay import ClothUnderlay
 from spacemap_vtk.draw.detail.yarn_parts import YarnPieces
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, uses_software_renderer
+from spacemap_vtk.draw.obstacles import obstacle_reach
 from spacemap_vtk.draw.offscreen import OffscreenWindow, open_offscreen
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions
 from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
@@ -238,7 +239,8 @@ class Picture:
         has_overlays = scene_view.has_overlays
         # Signs and annotations are drawn after the solids have their shadows or all pieces.
         second_pass = pieces is not None or (has_shadows and has_overlays)
-        others = (*scene_view.markers, scene_view.ghost, scene_view.ground, *scene_view.overlays)
+        still = (scene_view.planes, scene_view.ghost, scene_view.ground)
+        others = (*scene_view.markers, *still, *scene_view.overlays)
         later = [prop for prop in others if second_pass and prop.GetVisibility()]
         for prop in later:
             prop.VisibilityOff()
@@ -417,6 +419,8 @@ def motion_extent(
             clouds.append(arrows.reach)
         if scene.moves:
             clouds.append(moved_points(scene.deformed_cage))
+    if scene.view.obstacles and scene.moves:
+        clouds.append(_thin_out(obstacle_reach(scene.deformed_cage)))
     if scene.view.ghost:
         clouds.append(_thin_out(rest_points(scene.patches if sheet is None else sheet.moved)))
     points = np.concatenate(clouds, dtype=np.float64)

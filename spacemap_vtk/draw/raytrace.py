@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.modal_model import bodies_of
 from spacemap_vtk.datasets.moving_surface import to_linear_light
 from spacemap_vtk.draw.camera import VIEW_ANGLE, aim_camera, pixels_per_metre, project_points
 from spacemap_vtk.draw.compose import gradient_background
@@ -117,6 +118,8 @@ def raytrace(
         scene.warn(f"ray tracing ignores {', '.join(ignored)}")
     report_progress(0, _PASSES + 1)
     scene.update(time)
+    if scene.view.obstacles and scene.moves and bodies_of(scene.deformed_cage):
+        scene.warn("ray tracing leaves out obstacles")
     camera, aspect = vtkCamera(), size[0] / size[1]
     aim_camera(camera, motion_extent(scene, [time])[0], aspect, camera_of(scene), scene.view.zoom)
     curves, colors = _visible_fibres(scene, camera, size)

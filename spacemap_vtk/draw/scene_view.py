@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPlane, vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPlane, vtkPolyData
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkProp, vtkRenderer
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -37,6 +37,7 @@ from spacemap_vtk.draw.annotate.annotations import Annotations
 from spacemap_vtk.draw.camera import camera_up_axis, set_background
 from spacemap_vtk.draw.detail.underlay import hole_color
 from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.obstacles import fading_image
 from spacemap_vtk.filters.patch_tessellator import LOOK
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints
 from spacemap_vtk.scenes.colorings import COLORINGS
@@ -90,10 +91,17 @@ class SceneView:
         self.cut_face, self.ghost = CutFaceActor(), GhostActor()
         self.sheet, self.preview, self.outline = SheetActor(), SurfaceActor(), OutlineActor()
         self.ground, self.underlay = GroundActor(), UnderlayActor()
+        #: Obstacles: bodies, and planes, which fade out.
+        self.bodies, self.planes = SurfaceActor(), SurfaceActor()
+        self.planes.ForceTranslucentOn()
+        self._fading: tuple[object, vtkImageData] | None = None
+        for actor in (self.bodies, self.planes):
+            actor.SetPickable(False)
+            actor.GetProperty().BackfaceCullingOn()
         #: Height of the ground [m]: the lowest point that has been shown of the scene.
         self.floor = np.inf
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
-        for actor in (*self.solids, *self.markers, self.ghost, self.ground):
+        for actor in (*self.solids, *self.markers, self.planes, self.ghost, self.ground):
             renderer.AddActor(actor)
         # Annotations come first, because their plates are behind the colour scales.
         self.annotations = Annotations(renderer)
@@ -117,7 +125,7 @@ class SceneView:
     def solids(self) -> list[vtkActor]:
         """Actors of objects in the scene, which cast contact shadows."""
         drawn = [self.surface, self.sheet, self.preview, self.outline, self.cut_face]
-        return [*drawn, self.underlay]
+        return [*drawn, self.underlay, self.bodies]
 
     @property
     def markers(self) -> list[vtkActor]:
@@ -134,7 +142,7 @@ class SceneView:
         """Whether anything is shown that casts no contact shadow."""
         others = [*self.markers, self.surface.color_bar, self.sheet.color_bar]
         if self.annotations.props[0].GetVisibility():
-            others += [self.ghost, self.ground]
+            others += [self.ghost, self.ground, self.planes]
             if self.annotations.has_content:
                 return True
         return any(prop.GetVisibility() for prop in others)
@@ -216,6 +224,7 @@ class SceneView:
             dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # else they hide the cloth
             self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._pixels_per_point)
         self.loads.SetVisibility(view.loads)
+        self._show_obstacles(frame)
         self._show_ground(frame)
         self.apply_cut(cut)
 
@@ -276,7 +285,7 @@ class SceneView:
     def hide(self) -> None:
         """Show nothing until the next frame."""
         self._frame = None
-        for actor in (*self.solids, *self.markers, self.ghost, self.ground):
+        for actor in (*self.solids, *self.markers, self.planes, self.ghost, self.ground):
             actor.VisibilityOff()
         self.loads.show(None)  # clears the arrows in the renderer in front, too
         for prop in self.overlays:
@@ -308,12 +317,33 @@ class SceneView:
         elif self.cut is not None:
             self.apply_cut(self.cut)
 
+    def _show_obstacles(self, frame: Frame) -> None:
+        """Show bodies and planes in the material of the style, also beside a scale."""
+        style = self._view.resolved_style
+        lit = replace(style.for_obstacles, occlusion=style.occlusion * self._view.shadows)
+        shown = frame.obstacles
+        if self._fading is None or self._fading[0] != style.ground_color:
+            self._fading = style.ground_color, fading_image(style.ground_color)
+        for actor, name, picture in (
+            (self.bodies, "bodies", None),
+            (self.planes, "planes", self._fading[1]),
+        ):
+            surface = None if shown is None else getattr(shown, name)
+            visible = surface is not None and surface.GetNumberOfPolys() > 0
+            actor.SetVisibility(visible and self._view.obstacles)
+            if visible:
+                plain = style.obstacle_color
+                actor.show(surface, "own", plain, None, picture, lit, self._pixels_per_point)
+
     def _show_ground(self, frame: Frame) -> None:
-        wanted = self._view.ground and self._options.fabric
+        # A plane is the ground itself.
+        wanted = self._view.ground and self._options.fabric and not self.planes.GetVisibility()
         strength = self._view.resolved_style.shadow if wanted else 0.0
         self.ground.SetVisibility(strength > 0.0)
         if strength > 0.0:
             points, up = points_of(frame.surface), camera_up_axis(frame.camera)
+            if self.bodies.GetVisibility():
+                points = np.concatenate([points, points_of(self.bodies.GetMapper().GetInput())])
             if frame.generation != self._generation:
                 self._generation, self.floor = frame.generation, np.inf
             self.floor = min(self.floor, float(points[:, up].min()))
@@ -386,6 +416,8 @@ def extent_of(frame: Frame, loads: bool) -> Floats:
         clouds += [rest, moved_points(frame.cage)]
     if loads and frame.arrows is not None:
         clouds.append(frame.arrows.reach)
+    if frame.obstacles is not None:
+        clouds.append(frame.obstacles.reach)
     return np.concatenate(clouds)
 
 
@@ -406,5 +438,7 @@ def visible_cells(frame: Frame, view: View, options: ViewOptions) -> list[tuple[
         points.append(moved_points(frame.cage))
     if view.loads and frame.arrows is not None:
         points.append(frame.arrows.reach)
+    if view.obstacles and frame.obstacles is not None:
+        points.append(frame.obstacles.reach)
     # Each of these points is a cell.
     return objects + [(each, np.arange(len(each))) for each in points]

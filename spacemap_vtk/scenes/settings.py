@@ -114,6 +114,9 @@ class View(Parameterised):
     loads = Flag(
         False, "Draw arrows for the loads on the cage; their length shows the present strength."
     )
+    obstacles = Flag(
+        True, "Draw the obstacles of modal.obstacles; of a plane the part around the cloth."
+    )
     ghost = Flag(False, "Also draw the undeformed fabric or object, in pale colours.")
     scale_bar = Flag(
         False,

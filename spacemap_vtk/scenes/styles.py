@@ -64,8 +64,16 @@ class Style:
     #: Depth of the contact shadows, and of the shadow on the ground.
     occlusion: float = 0.0
     shadow: float = 0.0
+    #: Colours of obstacles, which are matt: of bodies, and of planes, which fade out.
+    obstacle_color: RGB = (226, 226, 224)
+    ground_color: RGB = (255, 255, 255)
     #: Irregularity of woven yarns, unless a scene gives it.
     irregularity: float = 0.0
+
+    @property
+    def for_obstacles(self) -> Style:
+        """This style for obstacles: as smooth and matt as plaster, without fibres."""
+        return replace(self, gloss=0.3 * self.gloss, sheen=0.0, wrap=0.0)
 
     @property
     def for_numbers(self) -> Style:
@@ -112,6 +120,8 @@ STYLES = {
         knee=0.75,
         occlusion=0.75,
         shadow=0.42,
+        obstacle_color=(236, 222, 203),
+        ground_color=(250, 247, 243),
         irregularity=1.0,
     ),
     "paper": Style(
@@ -138,5 +148,7 @@ STYLES = {
         outline_color=(236, 244, 255),
         colored=0.0,
         tint=((0.05, 0.17, 0.38), (0.30, 0.50, 0.78)),
+        obstacle_color=(120, 120, 120),
+        ground_color=(60, 60, 60),
     ),
 }

@@ -151,7 +151,7 @@ class Pipeline:
             self._require_memory(drawn)
         cloth, crossings = (None, None) if sheet is None else (sheet.cloth, sheet.crossings)
         frame = replace(
-            frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings),
+            frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings, coarse),
             values=request.values,
             coarse=coarse and (surface is self._coarse_tessellator or sheet is not None),
             mode=None if swing is None else getattr(swing, "mode", -1),
