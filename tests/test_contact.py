@@ -20,6 +20,7 @@ from spacemap_vtk.mechanics.contact.obstacles import (
     RoundedBox,
     Sphere,
 )
+from spacemap_vtk.mechanics.contact.opening import resting_contacts
 from spacemap_vtk.mechanics.contact.resting import (
     Resting,
     find_resting_state,
@@ -165,17 +166,9 @@ def test_strip_lifted_by_an_end_and_its_lowest_mode(
     height: float, free: float, force: float
 ) -> None:
     """The lifted part vibrates as a beam that is clamped where it touches the ground."""
-    length, cells = 2.5 * LENGTH, 80
-    ground = Plane((0, 0, -height * LENGTH - THICKNESS / 2))
-    # The end is hinged at its height, the other end is above the ground and falls.
-    model = strip(-length, length, cells, [ground], lambda x: abs(x) < 1e-9)
-    points = model.points
-    fixed = ~model.free.reshape(-1, 3)
-    fixed[abs(points[:, 0]) < 1e-9] = [True, True, True]
-    lower = points[:, 2] < 0
-    fixed[(abs(points[:, 0]) < 1e-9) & lower, :] = [False, True, False]
-    model = Model(points, model.cells, PLATE, model.density, fixed, terms=model.terms)
-    rested, _ = rest(model)
+    length = 2.5 * LENGTH
+    # The middle is hinged at its height, the ends are above the ground and fall.
+    rested, _ = rest(lifted_strip(height * LENGTH, length, 80))
     (contact,) = report_contact(rested)
     carried = WIDTH * WEIGHT * length + contact.force[2]
     assert carried / (WIDTH * WEIGHT * LENGTH) == pytest.approx(force, rel=0.02)
@@ -184,6 +177,55 @@ def test_strip_lifted_by_an_end_and_its_lowest_mode(
     beam = (3.9266 / (free * LENGTH)) ** 2 * math.sqrt(BENDING / 0.15)
     # The closed form is that of a straight beam, and holds for the lower height.
     assert height > 0.1 or rate == pytest.approx(beam, rel=0.03)
+
+
+def lifted_strip(height: float, length: float, cells: int) -> Model:
+    """Return a strip whose middle is hinged above the ground; its ends lie on the ground."""
+    ground = Plane((0, 0, -height - THICKNESS / 2))
+    model = strip(-length, length, cells, [ground], lambda x: abs(x) < 1e-9)
+    points, fixed = model.points, ~model.free.reshape(-1, 3)
+    middle = abs(points[:, 0]) < 1e-9
+    fixed[middle] = [True, True, True]
+    fixed[middle & (points[:, 2] < 0)] = [False, True, False]
+    return Model(points, model.cells, PLATE, model.density, fixed, terms=model.terms)
+
+
+def touch_down(model: Model) -> float:
+    """Return the distance from the middle of a lifted strip at which it touches the ground."""
+    (term,) = model.terms
+    assert isinstance(term, ObstacleTerm)
+    state = term.evaluate(model.points + model.displacement)  # type: ignore[operator]
+    along = abs(term.samples.positions(model.points)[state.elements][..., 0])
+    return float(along[state.depth > 0].min())
+
+
+@pytest.mark.parametrize("cells", [56, 80])
+def test_contact_opens_where_a_load_moves_its_line_by_about_a_cell(cells: int) -> None:
+    """A load on the lifted parts; the state without linearisation is found anew."""
+    length = 2.5 * LENGTH
+    model = lifted_strip(0.1 * LENGTH, length, cells)
+    rested, _ = rest(model)
+    load = np.zeros_like(model.points)
+    near = abs(abs(model.points[:, 0]) - 0.5 * LENGTH) < length / cells
+    load[near, 2] = WIDTH * WEIGHT * LENGTH / near.sum()
+    moved = rested.statics(load.reshape(-1, 1))[0].reshape(1, -1, 3)
+    (contact,) = resting_contacts(rested)
+    opening = contact.find_openings(moved)
+    for multiple, side in ((opening.forwards[0], 1.0), (-opening.backwards[0], -1.0)):
+        line = touch_down(rest(model, more=multiple * load)[0]) - touch_down(rested)
+        assert 0.3 < side * line / (2 * length / cells) < 2.5
+
+
+def test_cloth_on_a_plane_opens_when_a_load_lifts_its_weight() -> None:
+    points, cells, terms = sheet((0, 0.1, 0, 0.1), (6, 6), [Plane((0, 0, -1e-3))], 0.3)
+    free = np.zeros(points.shape, dtype=bool)
+    model, _ = rest(Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms))
+    load = np.outer(model.nodal_mass, (0, 0, GRAVITY / 2)).reshape(-1, 1)
+    moved = model.statics(load)[0].reshape(1, -1, 3)
+    (contact,) = resting_contacts(model)
+    opening = contact.find_openings(moved)
+    assert opening.forwards == pytest.approx([2.0], rel=1e-6)
+    assert np.isinf(opening.backwards).all()
 
 
 def bend(model: Model, place: Any, angle: Any) -> Resting:
@@ -405,3 +447,23 @@ def test_info_and_modes_report_what_a_cloth_does_to_its_table(tmp_path: Path) ->
         assert contact["force"] == pytest.approx(9.81 * 0.15 * 0.2**2, rel=1e-6)
     (row,) = (each for each in cloth_figures(report_fabric(scene)) if each.key == "contact_0")
     assert f"{contact['points']} points" in row.text
+
+
+def test_response_warns_if_it_would_lift_the_cloth_off_its_table(tmp_path: Path) -> None:
+    """The whole cloth rests on the table; a pull of less, and of more than its weight."""
+    text = (
+        SCENE.replace("60 mm", "200 mm")
+        + """
+[response]
+damping_ratio = 0.5
+[[response.loads]]
+pressure = "{} Pa"
+on = "-z"
+time = "step"
+"""
+    )
+    for pull, lifts in ((1.3, False), (1.6, True)):  # it weighs 0.15 · 9.81 = 1.47 Pa
+        (tmp_path / "table.toml").write_text(text.format(pull), encoding="utf-8")
+        scene = Scene.read(tmp_path / "table.toml")
+        scene.update(10.0)
+        assert any("lift the cage off obstacle 0" in text for text in scene.warnings) == lifts

@@ -29,7 +29,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import describe_writers
 from spacemap_vtk.jobs import BiaxialJob, PlotJob, ShapesJob
 from spacemap_vtk.jobs.job import Job
-from spacemap_vtk.units import align_decimals, parse_quantity
+from spacemap_vtk.units import align_decimals, format_quantity, parse_quantity
 
 
 def modes(
@@ -75,11 +75,14 @@ def modes(
     if json_:
         print_json(figures)
         return
+    touches = bool(figures["contact"])
     table = number_table(
-        ("mode", "f [Hz]", "damping", "regime", "x", "Σx", "y", "Σy", "z", "Σz"),
+        ("mode", "f [Hz]", "damping", "regime", "x", "Σx", "y", "Σy", "z", "Σz")
+        + ("opens",) * touches,
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
-        caption="x, y, z: effective mass in % of the mass that can move; Σ: cumulative",
+        caption="x, y, z: effective mass in % of the mass that can move; Σ: cumulative"
+        + "\nopens: largest displacement at which contact with an obstacle opens" * touches,
         min_width=72,  # width of the caption
     )
     frequencies = align_decimals(mode["frequency_hz"] for mode in figures["modes"])
@@ -92,6 +95,7 @@ def modes(
             "–" if not math.isfinite(ratio) else f"{ratio:.3g}",
             mode["regime"],
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
+            *[_format_opening(mode["opening_amplitude"])] * touches,
         )
     print_plain(table)
     more = (
@@ -101,6 +105,10 @@ def modes(
     )
     print_labelled((figure.label, figure.text) for figure in more)
     print_warnings(chosen, quiet)
+
+
+def _format_opening(amplitude: float | None) -> str:
+    return "never" if amplitude is None else format_quantity(amplitude, "m", 2)
 
 
 def plot(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -21,6 +22,7 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
+from spacemap_vtk.mechanics.contact.opening import RestingContact, resting_contacts
 from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.elements.kinematics import (
     LARGE_ROTATION,
@@ -77,6 +79,7 @@ class ModalResponse(LoadParameters, Stage):
 
     _modes: ModesReader | None = None
     _last_motion: tuple[tuple[int, int], Response] | None = None
+    _contacts: Sequence[RestingContact] = ()
 
     @property
     def motion(self) -> Response | None:
@@ -107,6 +110,7 @@ class ModalResponse(LoadParameters, Stage):
         key = grid.GetMTime(), self.GetMTime()
         if self._last_motion is None or self._last_motion[0] != key:
             self._last_motion = key, self._make_response(grid, modes)
+            self._contacts = resting_contacts(modes.model)
         motion = self._last_motion[1]
         state = motion.modal.at_time(time)
         displacement, velocity, acceleration = motion.at_time(time, state)
@@ -119,6 +123,13 @@ class ModalResponse(LoadParameters, Stage):
             )
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
+        for number, contact in enumerate(self._contacts):
+            if contact.find_openings(moved[None]).forwards[0] < 1.0:
+                self.warn(
+                    f"the motion would lift the cage off obstacle {number}, but a linear motion "
+                    "holds what touches at rest; use [transient] instead of [response], or lower "
+                    "the load"
+                )
         gradients = modes.gradient.evaluate(moved)
         angle = 0.0 if self.rotation_removed else largest_rotation(gradients)
         if angle > TRUSTED_ROTATION:

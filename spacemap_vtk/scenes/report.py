@@ -15,9 +15,11 @@ from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_se
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver, load_or_solve_equilibrium
 from spacemap_vtk.mechanics.boundary.places import parse_places
+from spacemap_vtk.mechanics.contact.opening import resting_contacts
 from spacemap_vtk.mechanics.elements.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.plates import DataSheet
 from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.coarsening import coarsen
 from spacemap_vtk.mechanics.modal.damping import Damping, HasDamping
 from spacemap_vtk.mechanics.modal.model import Model
@@ -101,6 +103,7 @@ def report_modes(scene: Scene) -> dict[str, Any]:
         "effective_mass": cage.effective_masses,
         "effective_mass_share": shares,
         "cumulative_mass_share": shares.cumsum(axis=0),
+        "opening_amplitude": _opening_amplitudes(cage),
     }
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
     if unresolved := describe_unresolved_modes(
@@ -129,6 +132,17 @@ def report_modes(scene: Scene) -> dict[str, Any]:
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
     }
+
+
+def _opening_amplitudes(cage: CageModes) -> list[float | None]:
+    """Return the amplitude of each mode's largest motion at which a contact would open [m]."""
+    shapes = cage.shapes.reshape(len(cage.shapes), -1, 3)
+    openings = [contact.find_openings(shapes) for contact in resting_contacts(cage.model)]
+    if not openings:
+        return [None] * len(shapes)
+    least = np.minimum.reduce([multiples for opening in openings for multiples in opening])
+    found = least * np.linalg.norm(shapes, axis=2).max(axis=1)
+    return [amplitude if math.isfinite(amplitude) else None for amplitude in found.tolist()]
 
 
 def report_obstacles(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:

@@ -102,6 +102,21 @@ class Contact(NamedTuple):
     """Number of these samples whose friction has reached its limit; all without friction."""
 
 
+class Held(NamedTuple):
+    """Samples that an obstacle holds in vibrations about a state at rest, in some elements."""
+
+    elements: Ints
+    """(e,), elements with such samples."""
+    springs: Floats
+    """(e, m), constants of the springs that hold them along the normal [N/m]; else 0."""
+    press: Floats
+    """(e, m), normal forces at rest [N]."""
+    normal: Floats
+    """(e, m, 3), gradient of the distance."""
+    curvature: Floats
+    """(e, m, 3, 3), curvature of the distance [1/m]."""
+
+
 class ObstacleTerm(EnergyTerm):
     """Contact with one obstacle; a sheet's nodes are pairs of vertices, see `in_model_nodes`."""
 
@@ -326,8 +341,9 @@ class ObstacleState(TermState):
         each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
         return self._assemble(self.elements, each + self._friction_tangent())
 
-    def tangent_at_rest(self, removed: float = 0.0) -> Floats:
-        """Compute the tangent with what touches held as by supports, and friction constant."""
+    @cached_property
+    def held(self) -> Held:
+        """What is held in vibrations about this state: samples that touch, or almost do."""
         term = self._obstacle
         held = self._gap < NEAR * self.depth.max(initial=0.0)
         part = np.flatnonzero(held.any(axis=1))
@@ -337,7 +353,12 @@ class ObstacleState(TermState):
         normal[held], curvature[held] = found.gradient, found.curvature
         springs = term.stiffness * term.samples.areas[part] * held
         press = springs * np.maximum(-self._gap[part], 0.0)
-        each = SUPPORT * springs[..., None, None] * normal[..., :, None] * normal[..., None, :]
+        return Held(part, SUPPORT * springs, press, normal, curvature)
+
+    def tangent_at_rest(self, removed: float = 0.0) -> Floats:
+        """Compute the tangent with what touches held as by supports, and friction constant."""
+        part, springs, press, normal, curvature = self.held
+        each = springs[..., None, None] * normal[..., :, None] * normal[..., None, :]
         each -= ((1.0 - removed) * press)[..., None, None] * curvature
         if self._slip is not None:
             # Samples that stick are held across the normal, too.

@@ -179,7 +179,7 @@ class _Search:
         rests: bool = True,
     ) -> None:
         self._system, self._start, self._before, self._share = system, start, before, share
-        #: Whether the start is in equilibrium before this share.
+        #: Whether the start is in equilibrium before this share; it need not be on obstacles.
         self._rests = rests
         #: Number of loads; they are the first terms of the system.
         self._loads = loads

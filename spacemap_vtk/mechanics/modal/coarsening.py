@@ -83,7 +83,8 @@ def refine(coarse: Model, fine: Model, moved: Floats) -> Floats:
             lines = _kept_lines(count)
             values = make_interp_spline(lines, values, k=3, axis=axis)(np.arange(count))
         result[new] = values
-    return result
+    # What is held stays, also between the vertices that are held in both.
+    return np.where(fine.free.reshape(-1, 3), result, 0.0)
 
 
 def _ends_in_grids(coarse: Model, fine: Model) -> Iterator[tuple[Ints, Ints]]:
