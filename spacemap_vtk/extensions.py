@@ -46,7 +46,10 @@ BUILT_IN = {
         "paraview": "spacemap_vtk.paraview.command:paraview",
     },
     "maps": {"smooth": "spacemap_vtk.embedding.smooth:SmoothInterpolation"},
-    "data": {"analysis": "spacemap_vtk.scenes.input_deck:make_input_deck"},
+    "data": {
+        "analysis": "spacemap_vtk.scenes.input_deck:make_input_deck",
+        "obstacles": "spacemap_vtk.scenes.obstacle_data:obstacle_data",
+    },
     "renderers": {"raytrace": "spacemap_vtk.draw.raytrace:raytrace"},
 }
 

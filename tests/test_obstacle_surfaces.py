@@ -15,8 +15,10 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.draw.actors.obstacle_shading import exposure, sample_surface
 from spacemap_vtk.draw.obstacles import show_obstacles
 from spacemap_vtk.draw.picture import Picture, motion_extent
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.obstacle_surfaces import ObstacleSurfaces, obstacle_surfaces
 from spacemap_vtk.filters.patch_tessellator import LOOK
+from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.mechanics.contact.obstacles import Cylinder, Obstacle, Plane, RoundedBox, Sphere
 from spacemap_vtk.mechanics.contact.surfaces import (
     Surface,
@@ -41,7 +43,7 @@ BODIES: list[tuple[Surface, Obstacle, float]] = [
         + 4 / 3 * math.pi * EDGE**3,
     ),
     (box_surface(SIZE, 0.0), RoundedBox(SIZE), 0.48),
-    (plane_surface(2.0), Plane(), 0.0),
+    (plane_surface(2.0, 8), Plane(), 0.0),
 ]
 
 
@@ -162,3 +164,33 @@ def test_each_shape_has_a_surface_at_its_place(tmp_path: Path) -> None:
     for (shape, surface), term in zip(obstacle_surfaces(solver.output), terms, strict=True):
         most = 1e-4 if shape == "mesh" else 1e-9
         assert abs(term.obstacle.gap(surface.points)).max() < most, shape
+
+
+def test_files_that_show_a_scene_have_the_obstacles(tmp_path: Path) -> None:
+    scene = table()
+    faces = {}
+    for name in ("with.ply", "without.ply", "moving.glb", "modes.glb"):
+        scene.assign("view", "obstacles", name != "without.ply")
+        kind = {".ply": "painted"}.get(name[-4:], "modes" if name == "modes.glb" else "")
+        job = make_data_job(tmp_path / name, kind)
+        job.run(scene)
+        read = pv.read(tmp_path / name)
+        if isinstance(read, pv.MultiBlock):
+            read = read.combine(merge_points=False).extract_surface(algorithm=None)
+        faces[name] = read.n_points
+        # Of the ground a square is written, six times as wide as the half diagonal of the cloth.
+        assert (read.length > 0.5) == (name != "without.ply"), name
+    disc, ground = (part for _, part in obstacle_surfaces(scene.deformed_cage))
+    assert faces["with.ply"] - faces["without.ply"] == len(disc.points) + len(ground.points)
+
+
+def test_surfaces_of_obstacles_are_written_by_themselves(tmp_path: Path) -> None:
+    file = tmp_path / "table.vtp"
+    make_data_job(file, "obstacles").run(table())
+    found = pv.read(file)
+    top = found.threshold([0, 0], scalars="obstacle")
+    # The table's radius, and its top face.
+    assert top.bounds == pytest.approx((-0.04, 0.04, -0.04, 0.04, -0.024, -0.02), abs=1e-6)
+    scene = Scene({"weave": {"ends": 2, "picks": 2}, "response": {}})
+    with pytest.raises(InputError, match="the scene has no obstacles"):
+        make_data_job(file, "obstacles").run(scene)

@@ -33,6 +33,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
 )
 from spacemap_vtk.draw.detail.yarn_recorder import SurfaceRecorder
 from spacemap_vtk.draw.frame import camera_of, relief_of
+from spacemap_vtk.draw.obstacles_in_files import add_obstacles
 from spacemap_vtk.embedding.morph_targets import find_morph_targets
 from spacemap_vtk.errors import InputError, SizeError
 from spacemap_vtk.filters.base import Stage
@@ -108,11 +109,29 @@ def make_moving_surface(
     warn: MessageCallback | None = None,
 ) -> MovingSurface:
     """Return a scene's surface at the first of the times, with its motion over all of them."""
+    warn = warn or scene.warn
+    options = span, max_bytes, numbers, strands, sides, warn
+    made = _make_moving_surface(scene, times, tolerance, report_progress, *options)
+    return add_obstacles(made, scene, warn)
+
+
+def _make_moving_surface(
+    scene: Scene,
+    times: Sequence[float],
+    tolerance: float | None,
+    report_progress: StepProgress,
+    span: Span | None,
+    max_bytes: int,
+    numbers: bool,
+    strands: str,
+    sides: int | None,
+    warn: MessageCallback,
+) -> MovingSurface:
+    """Return the surface of `make_moving_surface`, without obstacles."""
     # With a single time, colours may be those of a scale with the ends `span`. With `numbers`, the
     # numbers that colours show are recorded at all times. `max_bytes` limits the size, in
     # single precision. Patches are subdivided by `sides`; 0: as much as the file's size permits;
     # None: as in a picture.
-    warn = warn or scene.warn
     report_progress(0, 2 * len(times))
     moves = scene.moves and len(times) > 1
     if moves and not numbers:
@@ -219,7 +238,7 @@ def make_mode_surface(
     ]
     about = {"modes": [{"frequency_hz": frequency} for frequency in frequencies]}
     report_progress(len(figures), len(figures))
-    return replace(
+    made = replace(
         still,
         targets=targets,
         normal_targets=normals,
@@ -227,6 +246,7 @@ def make_mode_surface(
         clips=clips,
         metadata={**still.metadata, **about, "seconds_of_a_swing": _PERIOD},
     )
+    return add_obstacles(made, scene, warn)
 
 
 def _is_large(still: MovingSurface) -> bool:

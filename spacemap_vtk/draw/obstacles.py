@@ -24,6 +24,8 @@ from spacemap_vtk.filters.patch_tessellator import LOOK
 from spacemap_vtk.mechanics.contact.surfaces import Surface
 from spacemap_vtk.ndarrays import Floats
 
+#: Cells along a side of a plane, whose points are shaded.
+_PLANE_CELLS = 128
 #: Pixels along a side of the image that fades out a plane towards its border.
 _FADE = 128
 #: Share of half a plane's side at which it begins to fade.
@@ -50,7 +52,7 @@ def show_obstacles(
 ) -> ShownObstacles | None:
     """Return the obstacles of a cage in the shade of a surface; None without obstacles."""
     directions, count = (FEW_DIRECTIONS, FEW_SAMPLES) if quick else (DIRECTIONS, SAMPLES)
-    found = obstacle_surfaces(cage)
+    found = obstacle_surfaces(cage, _PLANE_CELLS)
     if not found:
         return None
     light = [np.ones(len(each.points)) for _, each in found]

@@ -70,13 +70,15 @@ class ObstacleSurfaces(Stage):
         output.ShallowCopy(join_surfaces(obstacle_surfaces(inputs[0])))
 
 
-def obstacle_surfaces(cage: vtkUnstructuredGrid) -> list[tuple[str, Surface]]:
+def obstacle_surfaces(cage: vtkUnstructuredGrid, plane_cells: int = 2) -> list[tuple[str, Surface]]:
     """Return the shape and the surface of each obstacle of a cage, in their order.
 
     Parameters
     ----------
     cage : vtkUnstructuredGrid
         Output of ModalSolver, or of a stage after it.
+    plane_cells : int
+        Number of cells along each side of a plane.
 
     Returns
     -------
@@ -92,7 +94,7 @@ def obstacle_surfaces(cage: vtkUnstructuredGrid) -> list[tuple[str, Surface]]:
         points = points + vtk_to_numpy(equilibrium)
     low, high = points.min(axis=0), points.max(axis=0)
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    return [(body["shape"], _placed_surface(body, middle, radius)) for body in bodies]
+    return [(body["shape"], _placed_surface(body, middle, radius, plane_cells)) for body in bodies]
 
 
 def join_surfaces(surfaces: Sequence[tuple[str, Surface]]) -> vtkPolyData:
@@ -123,13 +125,15 @@ def join_surfaces(surfaces: Sequence[tuple[str, Surface]]) -> vtkPolyData:
     return joined
 
 
-def _placed_surface(body: Mapping[str, Any], middle: Floats, radius: float) -> Surface:
+def _placed_surface(
+    body: Mapping[str, Any], middle: Floats, radius: float, plane_cells: int
+) -> Surface:
     """Return the surface of a body at its place, near a sphere around the cage."""
     frame, center = frame_along(body["axis"]), np.asarray(body["center"], dtype=np.float64)
     local = frame @ (middle - center)
     shape, rounding = body["shape"], body.get("rounding", 0.0)
     if shape == "plane":
-        surface, shift = plane_surface(_PLANE_SHARE * radius), local * [1.0, 1.0, 0.0]
+        surface, shift = plane_surface(_PLANE_SHARE * radius, plane_cells), local * [1.0, 1.0, 0.0]
     elif shape == "sphere":
         size = body["radius"]
         surface, shift = turned_surface(size, 2 * size, size), np.zeros(3)

@@ -50,6 +50,7 @@ DATA = {
     "analysis": "Cage for other solvers",
     "painted": "Surface with colours",
     "yarns": "Axes of the yarns",
+    "obstacles": "Surfaces of obstacles",
 }
 #: Output that is drawn and then written, and what its writers receive after the file.
 DRAWN = {

@@ -242,7 +242,8 @@ def compute_data(scene: Scene, kind: str, time: float, span: Span | None = None)
 
     # A cage needs none of the stages after it.
     last = moved if kind == "patches" else scene.stages[-1]
-    scene.update_stage(scene.cage_stage if kind == "cage" else last, time)
+    of_cage = kind == "cage" or (kind == "obstacles" and scene.moves)
+    scene.update_stage(scene.cage_stage if of_cage else last, time)
     data = shallow_copy(
         scene.data(kind)
     )  # with a time, the pipeline would take its data for up to date

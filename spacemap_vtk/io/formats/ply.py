@@ -122,7 +122,7 @@ reads(".ply", label="PLY", holds="mesh", check=_check)(
 )
 
 
-@writes(".ply", label="PLY", holds=("surface",))
+@writes(".ply", label="PLY", holds=("surface", "obstacles"))
 def write_ply(file: Path, surface: vtkPolyData) -> None:
     """Write a surface in binary."""
     import numpy as np

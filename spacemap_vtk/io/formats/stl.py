@@ -43,7 +43,7 @@ reads(".stl", label="STL", holds="mesh", check=_check)(
 )
 
 
-@writes(".stl", label="STL", holds=("surface",))
+@writes(".stl", label="STL", holds=("surface", "obstacles"))
 def write_stl(file: Path, surface: vtkPolyData) -> None:
     """Write a surface as binary triangles."""
     import numpy as np

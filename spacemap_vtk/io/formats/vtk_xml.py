@@ -76,7 +76,7 @@ def write_vtu(file: Path, data: vtkDataSet) -> None:
     _write_xml(file, vtkXMLUnstructuredGridWriter(), data)
 
 
-@writes(".vtp", label="VTK XML", holds=("surface",))
+@writes(".vtp", label="VTK XML", holds=("surface", "obstacles"))
 def write_vtp(file: Path, data: vtkPolyData) -> None:
     """Write a surface."""
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter

@@ -18,9 +18,9 @@ _QUARTER = 24
 _EDGE = 8
 #: Facets along a straight part.
 _STRAIGHT = 24
-#: Facets from the middle of a plane to its border, and how much narrower the first one is than
-#: their mean: shadows need fine facets where the cage touches.
-_PLANE, _GRADING = 64, 0.4
+#: How much narrower the cells in the middle of a plane are than their mean: shadows need fine ones
+#: where the cage touches.
+_GRADING = 0.4
 
 
 class Surface(NamedTuple):
@@ -34,20 +34,22 @@ class Surface(NamedTuple):
     """(m, 3), point indices, counter-clockwise seen from outside."""
 
 
-def plane_surface(half: float) -> Surface:
-    """Make a square of the plane z = 0, with finer facets in its middle.
+def plane_surface(half: float, cells: int) -> Surface:
+    """Make a square of the plane z = 0, with finer cells in its middle.
 
     Parameters
     ----------
     half : float
         Half of its side [m].
+    cells : int
+        Number of cells along a side.
 
     Returns
     -------
     Surface
         Facing z.
     """
-    share = np.linspace(-1.0, 1.0, 2 * _PLANE + 1)
+    share = np.linspace(-1.0, 1.0, cells + 1)
     line = half * (_GRADING * share + (1.0 - _GRADING) * share**3)
     x, y = np.meshgrid(line, line)
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
