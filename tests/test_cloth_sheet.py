@@ -258,4 +258,4 @@ def test_a_sheet_is_flat_after_its_scene_stops_moving() -> None:
     scene.apply_settings({}, {"weave"})  # as the window switches the motion off
     assert not scene.moves
     assert sheet.deform_at(0.3).GetBounds() == flat
-    assert sheet.deform_with(None).GetBounds() == flat
+    assert sheet.deform(None).GetBounds() == flat

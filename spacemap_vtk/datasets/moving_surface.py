@@ -91,6 +91,51 @@ class YarnCurves(NamedTuple):
     basis: str = "bezier"
 
 
+class FarCloth(NamedTuple):
+    """A woven cloth as a sheet, to be drawn where its yarns are too thin to be seen."""
+
+    #: Texture coordinates of its columns, from 0 to 1, (C,), and of its rows, (R,).
+    columns: NDArray[np.floating]
+    rows: NDArray[np.floating]
+    #: Positions [m], row by row, (R C, 3).
+    points: NDArray[np.floating]
+    #: Displacements of each of K targets at full weight [m], (K, R C, 3).
+    targets: NDArray[np.floating]
+    #: Numbers of each point, as in `ScaledNumbers`, (R C,), and their changes, (L, R C); or None.
+    values: NDArray[np.floating] | None
+    changes: NDArray[np.floating] | None
+    #: Mean distance from yarn to yarn [m].
+    spacing: float
+    #: Yarns closer than this number of pixels are not drawn one by one.
+    least_pixels: float
+    #: Textures of bytes by the names that the shaders use, and the number of mip levels that the
+    #: shaders use besides the textures; the colours are sRGB values.
+    colors: Mapping[str, NDArray[np.uint8]]
+    levels: int
+    tiles: Mapping[str, NDArray[np.uint8]]
+    tile_levels: int
+    #: Shares and exposures of normals, (views, N, 4).
+    views: NDArray[np.floating]
+    #: Values of uniforms, by their names in the shaders.
+    uniforms: Mapping[str, float | Sequence[float]]
+    #: GLSL functions: `lightYarns` for the vertex shader, `sheetLight` for the fragment shader.
+    vertex: str
+    fragment: str
+
+
+class Shading(NamedTuple):
+    """How pictures shade a surface, for files that contain their own renderer."""
+
+    #: GLSL functions: `reflectedLight`, `shadedLight`, `visibleColor`, `decoded` and `encoded`.
+    light: str
+    #: GLSL function `outlineAt`, for fragment shaders.
+    outline: str
+    #: Share of each point's surroundings that yarns leave open, 0 to 255, (N,); None: unknown.
+    exposures: NDArray[np.uint8] | None
+    #: None for anything but woven cloth.
+    far: FarCloth | None = None
+
+
 class QuantisedTargets(NamedTuple):
     """Targets quantised to small integers, with one step size for each target."""
 
@@ -132,6 +177,7 @@ class MovingSurface:
     #: Yarn curves of a woven cloth, with its motion.
     curves: YarnCurves | None = None
     numbers: ScaledNumbers | None = None
+    shading: Shading | None = None
     #: The targets in quantised form, if there are so many points that their size matters.
     quantised: QuantisedTargets | None = None
     #: Metadata of the file, for people and programs.

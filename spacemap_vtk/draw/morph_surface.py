@@ -16,12 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 
 from spacemap_vtk.datasets.arrays import add_array, array_of, points_of, shallow_copy, to_points
 from spacemap_vtk.datasets.modal_model import MODE_NAME
-from spacemap_vtk.datasets.moving_surface import Clip, InitialView, MovingSurface, quantise_targets
+from spacemap_vtk.datasets.moving_surface import (
+    Clip,
+    FarCloth,
+    InitialView,
+    MovingSurface,
+    quantise_targets,
+)
 from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.actors.surface_actor import (
     CLASSES,
@@ -31,6 +37,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
+from spacemap_vtk.draw.detail.far_cloth import FarClothRecorder, make_shading, measure_exposures
 from spacemap_vtk.draw.detail.yarn_recorder import SurfaceRecorder
 from spacemap_vtk.draw.frame import camera_of, relief_of
 from spacemap_vtk.draw.obstacles_in_files import add_obstacles
@@ -107,10 +114,11 @@ def make_moving_surface(
     strands: str = "yarns",
     sides: int | None = 0,
     warn: MessageCallback | None = None,
+    shaded: bool = False,
 ) -> MovingSurface:
     """Return a scene's surface at the first of the times, with its motion over all of them."""
     warn = warn or scene.warn
-    options = span, max_bytes, numbers, strands, sides, warn
+    options = span, max_bytes, numbers, strands, sides, warn, shaded
     made = _make_moving_surface(scene, times, tolerance, report_progress, *options)
     return add_obstacles(made, scene, warn)
 
@@ -126,25 +134,29 @@ def _make_moving_surface(
     strands: str,
     sides: int | None,
     warn: MessageCallback,
+    shaded: bool,
 ) -> MovingSurface:
     """Return the surface of `make_moving_surface`, without obstacles."""
     # With a single time, colours may be those of a scale with the ends `span`. With `numbers`, the
     # numbers that colours show are recorded at all times. `max_bytes` limits the size, in
     # single precision. Patches are subdivided by `sides`; 0: as much as the file's size permits;
-    # None: as in a picture.
+    # None: as in a picture. With `shaded`, the surface has the shading of pictures.
     report_progress(0, 2 * len(times))
     moves = scene.moves and len(times) > 1
     if moves and not numbers:
         _use_constant_colors(scene)
     if sides is not None:
         _subdivide(scene, sides, warn)
+    if shaded:
+        measure_exposures(scene)
     _require_patches(scene, max_bytes)
     scene.update(times[0])
     still, rows = _make_still_surface(scene, scene.polygons, max_bytes, span, numbers)
-    recorder = SurfaceRecorder(scene, rows, len(times) if moves else 1, numbers, strands)
+    count = len(times) if moves else 1
+    recorder = SurfaceRecorder(scene, rows, count, numbers, strands, shaded)
     if not moves:
         recorder.record(0)
-        return replace(still, curves=recorder.curves, numbers=recorder.numbers)
+        return recorder.complete(still, np.empty((1, 0)))
     is_default, tolerance = tolerance is None, still.tolerance if tolerance is None else tolerance
     least = _ROUNDING * float(np.abs(still.points).max())
     if tolerance < least:
@@ -185,18 +197,17 @@ def _make_moving_surface(
                     quantized, quantization_error = None, 0.0
                 error += quantization_error
                 about = {"targets": len(targets), "tolerance": tolerance, "largest_error": error}
-                return replace(
+                moving = replace(
                     still,
                     targets=targets,
                     normal_targets=normals,
                     target_names=[f"shape {k}" for k in range(len(targets))],
                     clips=[clip],
-                    curves=recorder.curves,
-                    numbers=recorder.numbers,
                     quantised=quantized,
                     tolerance=tolerance,
                     metadata={**still.metadata, **about, "frames": len(times)},
                 )
+                return recorder.complete(moving, weights)
             target_error *= 0.5 * tolerance / error
     raise _tolerance_error(tolerance, 2.0 * error)
 
@@ -207,11 +218,14 @@ def make_mode_surface(
     max_bytes: int = 2**32,
     sides: int = 0,
     warn: MessageCallback | None = None,
+    shaded: bool = False,
 ) -> MovingSurface:
     """Return a scene's surface in equilibrium, with a target and a clip for each mode."""
     warn = warn or scene.warn
     _use_constant_colors(scene)
     _subdivide(scene, sides, warn)
+    if shaded:
+        measure_exposures(scene)
     _require_patches(scene, max_bytes)
     scene.assign("warp", "carried", "")  # modes have no velocity to interpolate
     figures = report_modes(scene)["modes"]
@@ -226,7 +240,11 @@ def make_mode_surface(
     shapes *= largest / np.linalg.norm(shapes, axis=2).max(axis=1)[:, None, None]
     equilibrium = array_of(data, "equilibrium", "") if data.HasArray("equilibrium") else 0 * points
     add_array(data, "displacement", equilibrium)
-    still, rows = _make_still_surface(scene, _run_later_stages(scene, stage, cage), max_bytes)
+    surface = _run_later_stages(scene, stage, cage)
+    still, rows = _make_still_surface(scene, surface, max_bytes)
+    if shaded:
+        far = None if scene.woven is None else _record_modes(scene, cage, shapes, still)
+        still = replace(still, shading=make_shading(scene, surface, rows, far))
     targets, normals = _surface_targets(scene, stage, shapes, still, rows, max_bytes, warn, cage)
     frequencies = [mode["frequency_hz"] for mode in figures]
     labels = [f"mode {k} {frequency:.4g} Hz" for k, frequency in enumerate(frequencies, 1)]
@@ -247,6 +265,23 @@ def make_mode_surface(
         metadata={**still.metadata, **about, "seconds_of_a_swing": _PERIOD},
     )
     return add_obstacles(made, scene, warn)
+
+
+def _record_modes(
+    scene: Scene, cage: vtkUnstructuredGrid, shapes: Floats, still: MovingSurface
+) -> FarCloth:
+    """Return the cloth of a scene as a sheet, with a target for each displacement of the cage."""
+    recorder = FarClothRecorder(scene, 1 + 2 * len(shapes))
+    recorder.record(0, cage)
+    center = array_of(cage.GetPointData(), "displacement", "")
+    for number, shape in enumerate(shape for each in shapes for shape in (each, -each)):
+        moved = shallow_copy(cage)
+        add_array(moved.GetPointData(), "displacement", center + shape)
+        recorder.record(1 + number, moved)
+    halves = np.repeat(np.eye(len(shapes)), 2, axis=0)
+    halves[::2] *= 0.5
+    halves[1::2] *= -0.5
+    return recorder.make(np.concatenate([np.zeros((1, len(shapes))), halves]), still)
 
 
 def _is_large(still: MovingSurface) -> bool:

@@ -126,6 +126,8 @@ class Writer:
     loses: Callable[[Any], list[str]] | None = None
     #: Whether the format stores colours that represent numbers and change with time.
     numbers: bool = False
+    #: Whether the format stores how pictures shade a moving surface.
+    shaded: bool = False
     #: Most bytes that a moving surface may have in single precision.
     most: int = 2**32
     #: Whether pictures may have a fourth channel, the coverage of each pixel.

@@ -102,6 +102,7 @@ class MovingJob(ExportJob):
             strands=self.curves,
             sides=self.subdivisions or 0,
             warn=context.report_loss,
+            shaded=format_.shaded,
         )
         return _write_surface(self, context, surface)
 
@@ -130,12 +131,14 @@ class ModesJob(ExportJob):
         """Compute and write the shapes; return their number and their size in words."""
         from spacemap_vtk.draw.morph_surface import make_mode_surface
 
+        format_ = writer(self.output, self.kind)
         surface = make_mode_surface(
             context.scene,
             context.progress,
-            writer(self.output, self.kind).most,
+            format_.most,
             self.subdivisions or 0,
             context.report_loss,
+            format_.shaded,
         )
         return _write_surface(self, context, surface)
 

@@ -132,7 +132,7 @@ class Pipeline:
             source = source if sheet else self._connect_swing(scene, cage)
         if sheet is not None:
             moved = scene.deformed_cage if scene.moves and cage is None else cage
-            drawn = sheet.deform_with(moved, coarse)
+            drawn = sheet.update_with(moved, coarse)
         else:
             fibres = source.GetOutputDataObject(0).GetNumberOfCells() <= _FIBRED
             look = scene.view.yarn_look

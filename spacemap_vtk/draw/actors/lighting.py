@@ -79,19 +79,24 @@ vec3 visibleColor(vec3 hue, vec4 light, float line)
 }
 """
 
+#: GLSL function for fragment shaders: the coverage of an outline with half its width in pixels.
+OUTLINE = """
+float outlineAt(vec3 n, vec3 eye, float wide)
+{
+  if (wide <= 0.0) return 0.0;
+  // On a round surface, the cosine between normal and view falls to zero over twice the distance
+  // to the edge.
+  float front = dot(n, eye);
+  float slope = length(vec2(dFdx(front), dFdy(front)));
+  float line = 1.0 - smoothstep(wide - 0.7, wide + 0.7, 0.5 * front / max(slope, 1e-6));
+  return line * (1.0 - smoothstep(rimCosine, 1.1 * rimCosine, front));
+}
+"""
+
 #: Fragment shader code that computes `eye` and the coverage `line` of an outline.
 _LINE = """
   vec3 eye = cameraParallel == 1 ? vec3(0.0, 0.0, 1.0) : normalize(-vertexVC.xyz);
-  float line = 0.0;
-  if (lineWidth > 0.0)
-  {
-    // On a round surface, the cosine between normal and view falls to zero over twice the distance
-    // to the edge.
-    float front = dot(normalVCVSOutput, eye);
-    float slope = length(vec2(dFdx(front), dFdy(front)));
-    line = 1.0 - smoothstep(lineWidth - 0.7, lineWidth + 0.7, 0.5 * front / max(slope, 1e-6));
-    line *= 1.0 - smoothstep(rimCosine, 1.1 * rimCosine, front);
-  }
+  float line = outlineAt(normalVCVSOutput, eye, lineWidth);
 """
 #: Fragment shader code that replaces VTK's lights on a smooth surface.
 _FRAGMENT = f"""{_LINE}
@@ -204,7 +209,7 @@ def set_lighting(actor: vtkActor, light: str, looks_of: vtkPolyDataMapper | None
             at, True, f"{at}\n  lookVSOutput = {LOOK_ATTRIBUTE};\n", False
         )
         look = "in vec2 lookVSOutput;\n"
-    shader.AddFragmentShaderReplacement(declared, True, declared + look + light, False)
+    shader.AddFragmentShaderReplacement(declared, True, declared + look + light + OUTLINE, False)
     shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, _FRAGMENT, False)
 
 

@@ -218,7 +218,7 @@ def coarsen_sheet(
     """Return a sheet with at most `max_cells` cells along each side, without those in a hole."""
     # Fewer vertices mean less work, because the sheet is lit at its vertices. The hole is given in
     # columns and rows of the original cells.
-    lines = [_chosen_lines(n, max_cells) for n in cells]
+    lines = [sparse_lines(n, max_cells) for n in cells]
     chosen = (lines[1][:, None] * (cells[0] + 1) + lines[0]).ravel()
     polygons = quadrilaterals(len(lines[0]) - 1, len(lines[1]) - 1)
     if hole is not None:
@@ -247,16 +247,23 @@ def simplify_sheet(sheet: vtkPolyData, cells: tuple[int, int], tolerance: float)
     if (numbers := data.GetArray(COLOR_VALUES)) is not None:
         values = vtk_to_numpy(numbers).reshape(shape)
         columns.append(values / max(float(np.ptp(values)) * _NUMBER_ERROR, 1e-30))
-    exact = np.concatenate(columns, axis=-1)
+    count = fewest_cells(np.concatenate(columns, axis=-1))
+    return sheet if count is None else coarsen_sheet(sheet, cells, count)
+
+
+def fewest_cells(exact: AnyFloats) -> int | None:
+    """Return how many cells along each side are enough for values that may differ by up to 1."""
+    # `exact` has the shape (rows + 1, columns + 1, n). None: all cells are needed.
+    cells = exact.shape[1] - 1, exact.shape[0] - 1
     for count in _FEW_CELLS:
         if count >= max(cells):
             break
-        lines = [_chosen_lines(n, count) for n in cells]
+        lines = [sparse_lines(n, count) for n in cells]
         kept = exact[np.ix_(lines[1], lines[0])]
         rebuilt = _interpolate(_interpolate(kept, lines[1], 0), lines[0], 1)
         if np.abs(rebuilt - exact).max() <= 1.0:
-            return coarsen_sheet(sheet, cells, count)
-    return sheet
+            return count
+    return None
 
 
 def _interpolate(values: AnyFloats, lines: Ints, axis: int) -> AnyFloats:
@@ -269,7 +276,7 @@ def _interpolate(values: AnyFloats, lines: Ints, axis: int) -> AnyFloats:
     return np.asarray(low + share * (high - low))
 
 
-def _chosen_lines(cells: int, most: int) -> Ints:
+def sparse_lines(cells: int, most: int) -> Ints:
     """Return the lines between cells that remain if there are at most `most` cells."""
     return np.linspace(0, cells, min(cells, most) + 1).astype(np.int64)
 

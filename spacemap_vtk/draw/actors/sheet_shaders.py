@@ -27,6 +27,8 @@ MOST_LIGHT = 1.6
 #: Number of mip levels that are exact means: the sides of a texture are multiples of 2 to this
 #: power.
 LEVELS = 6
+#: The same for the tiles.
+TILE_LEVELS = 2
 #: Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
 _MOST_TEXELS = 400
 #: Largest number of texels of tiles that a pixel sums along each side.
@@ -35,13 +37,17 @@ _MOST_TILE_TEXELS = 4.5
 _TILED = 1.3
 
 
-def sheet_constants(most_texels: int = _MOST_TEXELS) -> str:
+def sheet_constants(
+    most_texels: int = _MOST_TEXELS, most_tile_texels: float = _MOST_TILE_TEXELS
+) -> str:
     """Return the constants of the shaders.
 
     Parameters
     ----------
     most_texels : int
         Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
+    most_tile_texels : float
+        The same along each side, for texels of tiles.
 
     Returns
     -------
@@ -54,7 +60,8 @@ const int NODES = {NODES}, TURNS = {TURNS}, TILTS = {len(TILTS)};
 const float TILT[TILTS] = float[TILTS]({tilts});
 const float LEVELS = {float(LEVELS)}, MOST_TEXELS = {float(most_texels)};
 const int TILE = {TILE}, TILES_IN_ROW = {TILES_IN_ROW};
-const float MOST_TILE_TEXELS = {_MOST_TILE_TEXELS}, TILED = {_TILED};
+const float MOST_TILE_TEXELS = {float(most_tile_texels)}, TILED = {_TILED};
+const float TILE_LEVELS = {float(TILE_LEVELS)};
 const float MOST_LIGHT = {MOST_LIGHT};
 """
 
@@ -256,7 +263,7 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
 vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
 {
   float longest = 2.0 * max(reach.x, reach.y) * float(TILE);
-  int level = int(clamp(ceil(log2(longest / MOST_TILE_TEXELS)), 0.0, 2.0));
+  int level = int(clamp(ceil(log2(longest / MOST_TILE_TEXELS)), 0.0, TILE_LEVELS));
   int side = TILE >> level;
   ivec2 last = ivec2(crossings) * side - 1;
   ivec2 first = clamp(ivec2(floor((place - reach) * float(side))), ivec2(0), last);

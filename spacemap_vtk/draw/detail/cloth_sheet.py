@@ -41,12 +41,12 @@ class _SheetWarp(BarycentricWarp):
 class ClothSheet:
     """The cloth of a scene as a sheet that moves with its cage, without making patches."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, most_cells: int = _CELLS) -> None:
         self._scene = scene
         assert scene.woven is not None
         with scene.add_file_to_errors():
             self.cloth: Cloth = scene.woven.cloth
-        self.cells = min(self.cloth.size[0], _CELLS), min(self.cloth.size[1], _CELLS)
+        self.cells = min(self.cloth.size[0], most_cells), min(self.cloth.size[1], most_cells)
         self._flat = self.moved = make_sheet(self.cloth, self.cells)
         #: Subdivisions of a patch whose clearance is measured: those of drawn yarns, if any.
         self.sides = AUTOMATIC_SIDES
@@ -89,8 +89,7 @@ class ClothSheet:
         """Return the deformed sheet at a time [s]."""
         scene = self._scene
         scene.update_stage(scene.cage_stage if scene.moves else scene.source, time, self.one_yarn)
-        self._deform(scene.deformed_cage if scene.moves else None)
-        return self.moved
+        return self.deform(scene.deformed_cage if scene.moves else None)
 
     def update(self, time: float) -> vtkPolyData:
         """Return the deformed sheet at a time [s], and update the values at crossings."""
@@ -100,17 +99,18 @@ class ClothSheet:
         )
         return self.moved
 
-    def deform_with(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
-        """Return the sheet deformed by a cage; without a cage it is flat."""
-        self._deform(cage)
+    def update_with(self, cage: vtkUnstructuredGrid | None, coarse: bool = False) -> vtkPolyData:
+        """Return the sheet deformed by a cage, and update the values at crossings."""
+        self.deform(cage)
         self._update_crossings(cage, coarse)
         return self.moved
 
-    def _deform(self, cage: vtkUnstructuredGrid | None) -> None:
+    def deform(self, cage: vtkUnstructuredGrid | None) -> vtkPolyData:
+        """Return the sheet deformed by a cage; without a cage it is flat."""
         if cage is None:
             # The last deformed sheet would be wrong: the scene may have moved until now.
             self.moved = self._flat
-            return
+            return self.moved
         settings = dict(self._scene.warp.settings)
         # The cage of a mode has no velocity to interpolate, so missing arrays are left out.
         attributes = (cage.GetPointData(), cage.GetCellData())
@@ -123,6 +123,7 @@ class ClothSheet:
         self._warp.color_array = self._scene.warp.color_array
         self.moved = shallow_copy(self._warp(self._flat, cage))
         add_directions(self.moved, self.cells)
+        return self.moved
 
     def _update_crossings(self, cage: vtkUnstructuredGrid | None, coarse: bool) -> None:
         """Update the values at crossings, if shown; a coarse update keeps values that take long."""

@@ -67,7 +67,7 @@ class ClothUnderlay:
     def in_cage(self, cage: vtkUnstructuredGrid | None) -> Underlay:
         """Return the underlay in a deformed cage; without a cage it is flat."""
         if self._own:
-            self._sheet.deform_with(cage)
+            self._sheet.deform(cage)
         return Underlay(_make_sheets(self._sheet), self._color)
 
 

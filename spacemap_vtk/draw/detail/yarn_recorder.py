@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.datasets.moving_surface import ScaledNumbers, YarnCurves
+from spacemap_vtk.datasets.moving_surface import MovingSurface, ScaledNumbers, YarnCurves
 from spacemap_vtk.draw.actors.color_values import color_values, scale_unit
 from spacemap_vtk.draw.actors.surface_actor import RAMP, color_bar_title, natural_span
+from spacemap_vtk.draw.detail.far_cloth import FarClothRecorder, make_shading
 from spacemap_vtk.embedding.morph_targets import find_morph_targets
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import AnyInts, Bytes, Singles
+from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Bytes, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.geometry.strand_curves import (
@@ -105,13 +108,20 @@ class YarnRecorder:
 
 
 class SurfaceRecorder(YarnRecorder):
-    """The axes of yarns over time, and the numbers that a surface's colours show."""
+    """The axes of yarns over time, the numbers that a surface's colours show, and its shading."""
 
     def __init__(
-        self, scene: Scene, rows: AnyInts, times: int, numbers: bool, strands: str
+        self,
+        scene: Scene,
+        rows: AnyInts,
+        times: int,
+        numbers: bool,
+        strands: str,
+        shaded: bool = False,
     ) -> None:
         super().__init__(scene, times, strands)
-        self._rows = rows
+        self._rows, self._shaded = rows, shaded
+        self._far = FarClothRecorder(scene, times) if shaded and scene.woven is not None else None
         self._values: Singles | None = None
         if numbers and COLORINGS[scene.view.color].shows_numbers:
             # Single precision for the record, and double precision for its decomposition.
@@ -121,14 +131,30 @@ class SurfaceRecorder(YarnRecorder):
             self._values = np.zeros((times, len(rows)), np.float32)
 
     def record(self, number: int) -> None:
-        """Record curves and numbers of the scene's last update as those of time `number`."""
+        """Record the scene's last update as that of time `number`."""
         super().record(number)
+        scene = self._scene
+        if self._far is not None:
+            self._far.record(number, scene.deformed_cage if scene.moves else None)
         if self._values is not None:
-            numbers = color_values(self._scene.polygons, self._scene.view.color)
+            numbers = color_values(scene.polygons, scene.view.color)
             if numbers is None:  # clearances cannot be measured without normals
                 self._values = None
             else:
                 self._values[number] = numbers[self._rows]
+
+    def complete(self, surface: MovingSurface, weights: AnyFloats) -> MovingSurface:
+        """Return a surface together with all that was recorded; weights of its targets, (T, K)."""
+        surface = replace(surface, curves=self.curves, numbers=self.numbers)
+        if not self._shaded:
+            return surface
+        far = None
+        if self._far is not None:
+            # Least squares over time; it is this simple because the weights are orthogonal.
+            fit = weights / np.maximum(np.square(weights).sum(axis=0), 1e-30)
+            far = self._far.make(fit, surface)
+        shading = make_shading(self._scene, self._scene.polygons, self._rows, far)
+        return replace(surface, shading=shading)
 
     @property
     def numbers(self) -> ScaledNumbers | None:

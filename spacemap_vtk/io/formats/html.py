@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from spacemap_vtk.datasets.moving_surface import MovingSurface
+    from spacemap_vtk.datasets.moving_surface import FarCloth, MovingSurface
 
 _PAGE = Path(__file__).parent.parent / "page"
-_SCRIPTS = ("data.js", "drawing.js", "viewer.js")
+_SCRIPTS = ("data.js", "far.js", "drawing.js", "viewer.js")
 #: Usual share of the tolerance for rounding.
 _ROUNDING = 0.2
 #: Least share of the tolerance for rounding, if the shapes leave less.
@@ -37,6 +37,8 @@ _LEAST_ROUNDING = 0.02
 _NORMAL_STEPS = 1024
 #: Number of steps in the range of a scale.
 _SCALE_STEPS = 1024
+#: Largest integer that stands for a share or an exposure of normals.
+_VIEW_STEPS = 2**15 - 1
 #: Bytes of a page's arrays per point.
 _POINT = 150
 #: Bytes of a page's arrays per point of each target.
@@ -49,7 +51,7 @@ _BLOCK_VALUES = 2**18
 
 # The limit counts single precision, which takes twice the bytes of the page. Browsers limit the
 # arrays of a page, and its textures, to 2 GiB, and many browsers to less.
-@writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, most=2**30)
+@writes(".html", label="Web page", holds=("moving", "modes"), numbers=True, shaded=True, most=2**30)
 def write_html(file: Path, moving: MovingSurface) -> None:
     """Write a page with a surface, its shapes and the weight of each shape over time."""
     from spacemap_vtk.memory import require_memory
@@ -117,11 +119,54 @@ def _page_content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDAr
         arrays["changes"] = _round_to_unit(changes[..., None], step)
         content["numbers"] = {"title": title, "span": span, "ramp": ramp, "unit": step}
         content["numbers"]["weights"] = weights.round(7).tolist()
+    assert moving.shading is not None
+    light, outline, exposures, far = moving.shading
+    content |= {"light": light, "outline": outline}
+    if exposures is not None:
+        arrays["exposures"] = exposures[:, None]
+    if far is not None:
+        content["far"] = _describe_far_cloth(far)
+        arrays |= _far_cloth_arrays(far, content)
     content["arrays"] = [
         {"name": name, "kind": values.dtype.str[1:], "shape": values.shape}
         for name, values in arrays.items()
     ]
     return content, arrays
+
+
+def _describe_far_cloth(far: FarCloth) -> dict[str, Any]:
+    """Return what the page needs to know of a cloth as a sheet, without its arrays."""
+    return {
+        "columns": far.columns.tolist(),
+        "rows": far.rows.tolist(),
+        "spacing": far.spacing,
+        "leastPixels": far.least_pixels,
+        "levels": far.levels,
+        "tileLevels": far.tile_levels,
+        "viewUnit": float(abs(far.views).max()) / _VIEW_STEPS,
+        "uniforms": far.uniforms,
+        "vertex": far.vertex,
+        "fragment": far.fragment,
+    }
+
+
+def _far_cloth_arrays(far: FarCloth, content: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a cloth as a sheet: rows of integers."""
+    import numpy as np
+
+    unit = content["unit"]
+    found: dict[str, NDArray[Any]] = {
+        "far_points": _round_to_unit(far.points - np.array(content["middle"]), unit),
+        "far_targets": _round_to_unit(far.targets, unit),
+        "views": _round_to_unit(far.views, content["far"]["viewUnit"]),
+        **far.colors,
+        **far.tiles,
+    }
+    if far.values is not None and far.changes is not None:
+        step = content["numbers"]["unit"]
+        found["far_values"] = _round_to_unit(far.values[:, None], step)
+        found["far_changes"] = _round_to_unit(far.changes[..., None], step)
+    return found
 
 
 def _round_to_unit(values: NDArray[np.floating], unit: float) -> NDArray[np.integer[Any]]:

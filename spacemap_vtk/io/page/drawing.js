@@ -10,6 +10,7 @@ layout(location = 0) in vec3 place;
 layout(location = 1) in vec3 facing;
 layout(location = 2) in vec3 color;
 layout(location = 3) in float value;
+layout(location = 4) in float open;
 uniform isampler2DArray shapes, turns, changes; // of each point, one layer for each shape
 uniform sampler2D weights; // row 0: of the shapes, row 1: of the changes
 uniform ivec2 counts;
@@ -17,11 +18,12 @@ uniform vec3 middle;
 uniform float unit; // of positions, in m
 uniform mat4 eye, lens;
 out vec3 at, normal, seen, albedo;
-out float number;
+out float number, exposure;
 void main() {
   ivec2 own = ivec2(gl_VertexID % ${ACROSS}, gl_VertexID / ${ACROSS});
   vec3 moved = place, turned = facing;
   number = value;
+  exposure = open;
   for (int k = 0; k < counts.x; k++) {
     float weight = texelFetch(weights, ivec2(k, 0), 0).r;
     if (weight == 0.0) continue;
@@ -34,46 +36,36 @@ void main() {
   vec4 there = eye * vec4(at, 1.0);
   seen = there.xyz;
   normal = mat3(eye) * turned;
-  albedo = pow(color, vec3(2.2));
+  albedo = color;
   gl_Position = lens * there;
 }`;
 
-// Studio lighting: a warm key light from the upper left grazes the yarns, a cool fill light from
-// the right brightens the shadows, and the room is brighter above than below.
-const FRAGMENT = `#version 300 es
+// Yarns have the light of pictures, and their contact shadows if these are known.
+const fragment = ({ light, outline }) => `#version 300 es
 precision highp float;
 in vec3 at, normal, seen, albedo;
-in float number;
+in float number, exposure;
 uniform bool smoothly, scaled, flat_;
 uniform sampler2D ramp;
 uniform vec2 span; // range of the numbers, in their unit
-out vec4 pixel;
-const vec3 KEY = normalize(vec3(-0.75, 0.95, 0.75)), FILL = normalize(vec3(1.0, 0.05, 0.7));
+uniform float limit; // depth from which on the yarns are drawn as a sheet
+uniform float point; // drawn pixels of a pixel of the page
+out vec4 pixel; // linear light
+${light}${outline}
 void main() {
   vec3 toward = flat_ ? vec3(0, 0, 1) : normalize(-seen);
   vec3 n = smoothly ? normal : cross(dFdx(seen), dFdy(seen));
   n = dot(n, n) > 0.0 ? normalize(n) : toward;
   if (dot(n, toward) < 0.0) n = -n;
-  vec3 base = albedo;
+  vec3 hue = albedo;
   if (scaled) {
     float share = clamp((number - span.x) / (span.y - span.x), 0.0, 1.0);
-    base = pow(texture(ramp, vec2(0.5 / 256.0 + share * 255.0 / 256.0, 0.5)).rgb, vec3(2.2));
+    hue = texture(ramp, vec2(0.5 / 256.0 + share * 255.0 / 256.0, 0.5)).rgb;
   }
-  // fibres scatter light, which therefore reaches a little round the edge
-  float key = max(0.0, (dot(n, KEY) + 0.15) / 1.15), fill = max(0.0, (dot(n, FILL) + 0.3) / 1.3);
-  vec3 room = mix(vec3(0.17, 0.155, 0.15), vec3(0.33, 0.35, 0.39), 0.5 + 0.5 * n.y);
-  vec3 light = room + key * vec3(0.93, 0.87, 0.78) + fill * vec3(0.20, 0.23, 0.29)
-    + max(0.0, n.z) * vec3(0.07);
-  vec3 shown = base * (scaled ? mix(vec3(1.0), light, 0.6) : light);
-  // a sheen at grazing angles, and a broad gloss
-  float along = 1.0 - max(0.0, dot(n, toward)), glance = max(0.0, dot(n, normalize(KEY + toward)));
-  float gloss = (scaled ? 0.4 : 1.0);
-  shown += gloss * (0.055 * pow(glance, 22.0) * vec3(1.0, 0.96, 0.9)
-    + 0.10 * pow(along, 4.0) * (0.25 + 0.75 * key) * mix(vec3(1.0), base, 0.5));
-  // colours that are too bright keep their hue, as on film
-  float most = max(shown.r, max(shown.g, shown.b));
-  if (most > 0.7) shown *= (1.0 - 0.3 * exp((0.7 - most) / 0.3)) / most;
-  pixel = vec4(pow(shown, vec3(1.0 / 2.2)), 1.0);
+  float line = outlineAt(n, toward, point * lineWidth);
+  if (-seen.z > limit) discard; // after the derivatives
+  vec4 lit = shadedLight(reflectedLight(n, toward), exposure, hue);
+  pixel = vec4(decoded(visibleColor(hue, lit, line)), 1.0);
 }`;
 
 const WHOLE = `#version 300 es
@@ -132,14 +124,15 @@ void main() {
 
 // Each pixel is darkened by its distance behind the mean depth of its surroundings, near and wide
 // (Luft, Colditz, Deussen 2006). A pixel of the canvas is the mean of several, over the background.
-const COMPOSE = `#version 300 es
+const compose = ({ light }) => `#version 300 es
 ${DEPTH}
 uniform sampler2D drawn, near, wide;
 uniform vec2 factors, size;
-uniform bool shaded;
-uniform int fine, line; // half the width of lines, in drawn pixels
+uniform bool dimmed;
+uniform int fine;
 uniform vec3 below, above;
 out vec4 pixel;
+${light}
 float mean(sampler2D image, ivec2 pixel, float factor) {
   vec2 at = (vec2(pixel) + 0.5) / factor - 0.5, share = fract(at);
   ivec2 low = ivec2(floor(at)), last = textureSize(image, 0) - 1;
@@ -155,56 +148,25 @@ float kept(float behind, float darkness, float radius) {
   // a pixel far behind its surroundings is behind the edge of a flap, which is no fold
   return 1.0 - clamp(behind / radius, 0.0, 1.0) * darkness * mix(1.0, 0.4, smoothstep(0.8, 3.0, behind));
 }
-// Without shadows, a line behind the nearer yarn shows where yarns of one colour cross.
-float lined(ivec2 at, float far) {
-  float most = 0.0;
-  for (int k = 0; k < 4; k++) {
-    ivec2 step = line * ivec2(k < 3 ? 1 : 0, k < 3 ? k - 1 : 1);
-    float one, other;
-    bool both = behind(at + step, one) && behind(at - step, other);
-    if (both) most = max(most, 2.0 * far - one - other);
-  }
-  return 1.0 - 0.6 * smoothstep(0.08, 0.2, most);
-}
 void main() {
   vec4 color = vec4(0);
   for (int k = 0; k < fine * fine; k++) {
     ivec2 at = ivec2(gl_FragCoord.xy) * fine + ivec2(k % fine, k / fine);
     vec4 one = texelFetch(drawn, at, 0);
-    float far, light = 1.0;
-    if (shaded && behind(at, far))
-      light = kept(far - mean(near, at, factors.x), 0.55, 0.35)
+    float far;
+    if (dimmed && behind(at, far)) {
+      float light = kept(far - mean(near, at, factors.x), 0.55, 0.35)
         * kept(far - mean(wide, at, factors.y), 0.5, 1.0);
-    else if (line > 0 && behind(at, far)) light = lined(at, far);
-    // shadows of cloth are warm, because light passes through it
-    color += vec4(one.rgb * pow(vec3(light), vec3(0.92, 1.0, 1.06)), one.a);
+      // shadows of cloth are warm, because light passes through it
+      one.rgb *= pow(vec3(light), 2.2 * vec3(0.92, 1.0, 1.06));
+    }
+    color += one;
   }
   color /= float(fine * fine);
-  vec3 back = mix(below, above, gl_FragCoord.y / size.y);
+  vec3 shown = mix(below, above, gl_FragCoord.y / size.y);
+  if (color.a > 0.0) shown = encoded(color.rgb + decoded(shown) * (1.0 - color.a));
   float noise = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
-  pixel = vec4(color.rgb + back * (1.0 - color.a) + (noise - 0.5) / 255.0, 1.0);
-}`;
-
-// Pictures that are shifted by parts of a pixel are added in linear light. Their mean has no moiré,
-// however thin the yarns are.
-const ADD = `#version 300 es
-precision highp float; precision highp sampler2D;
-uniform sampler2D shot, total;
-uniform bool first;
-out vec4 sum;
-void main() {
-  ivec2 at = ivec2(gl_FragCoord.xy);
-  sum = vec4(pow(texelFetch(shot, at, 0).rgb, vec3(2.2)), 1);
-  if (!first) sum += texelFetch(total, at, 0);
-}`;
-
-const MEAN = `#version 300 es
-precision highp float; precision highp sampler2D;
-uniform sampler2D total;
-out vec4 pixel;
-void main() {
-  vec4 sum = texelFetch(total, ivec2(gl_FragCoord.xy), 0);
-  pixel = vec4(pow(sum.rgb / sum.a, vec3(1.0 / 2.2)), 1);
+  pixel = vec4(shown + (noise - 0.5) / 255.0, 1.0);
 }`;
 
 /** Draws the arrays of a page; a new one is made after the browser has lost its WebGL context. */
@@ -213,16 +175,15 @@ class Drawing {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error("webgl2");
     Object.assign(this, { gl, content, arrays, count: arrays.points.length / 3 });
-    this.adds = gl.getExtension("EXT_color_buffer_float") !== null;
-    this.shades = content.sight.shadows && this.adds;
-    this.surface = this.program(VERTEX, FRAGMENT, ["at"]);
+    // Where the surface itself is not shaded, folds are darkened by their depth.
+    this.shades = content.sight.shadows && !arrays.exposures && gl.getExtension("EXT_color_buffer_float") !== null;
+    this.surface = this.program(VERTEX, fragment(content), ["at"]);
     this.coarser = this.program(WHOLE, COARSER);
     this.blur = this.program(WHOLE, BLUR);
-    this.compose = this.program(WHOLE, COMPOSE);
-    this.add = this.program(WHOLE, ADD);
-    this.mean = this.program(WHOLE, MEAN);
+    this.compose = this.program(WHOLE, compose(content));
     this.none = gl.createVertexArray();
     this.fill();
+    this.far = content.far ? new FarCloth(this, content, arrays) : null;
   }
 
   program(vertex, fragment, kept = []) {
@@ -253,12 +214,12 @@ class Drawing {
     this.vertices = gl.createVertexArray();
     gl.bindVertexArray(this.vertices);
     const kinds = { Int16Array: gl.SHORT, Int32Array: gl.INT, Uint8Array: gl.UNSIGNED_BYTE };
-    [arrays.points, arrays.normals, arrays.colors, arrays.values].forEach((values, place) => {
-      if (!values) return;
+    [arrays.points, arrays.normals, arrays.colors, arrays.values, arrays.exposures].forEach((values, place) => {
+      if (!values) return place === 4 && gl.vertexAttrib1f(place, 1); // all is exposed
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
       gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
       const kind = kinds[values.constructor.name];
-      gl.vertexAttribPointer(place, values.length / this.count, kind, place === 2, 0, 0);
+      gl.vertexAttribPointer(place, values.length / this.count, kind, kind === gl.UNSIGNED_BYTE, 0, 0);
       gl.enableVertexAttribArray(place);
     });
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
@@ -318,6 +279,18 @@ class Drawing {
     gl.bindTexture(gl.TEXTURE_2D, this.weights);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.R32F, width, 2, 0, gl.RED, gl.FLOAT, table);
     this.counts = [shapes.length, changes.length];
+    this.far?.move(shapes, changes);
+  }
+
+  /** Return a camera together with the depth from which on cloth is a sheet, and what it shows. */
+  choose(camera) {
+    if (!this.far) return { ...camera, limit: Infinity, yarns: true, sheet: false };
+    // Distance at which the yarns are as many pixels apart as they must be to be drawn one by one.
+    const { spacing, leastPixels } = this.content.far, near = (spacing * camera.scale) / leastPixels;
+    const limit = camera.flat ? (near < 1 ? -1e30 : 1e30) : near * camera.distance;
+    const [nearest, farthest] = this.far.depths(camera);
+    const yarns = nearest < limit;
+    return { ...camera, limit, yarns, sheet: farthest > limit || !yarns };
   }
 
   /** Use the surface's program, and set all of its uniforms except those of the camera. */
@@ -332,8 +305,14 @@ class Drawing {
     gl.uniform1f(places.unit, content.unit);
     gl.uniform1i(places.smoothly, this.arrays.normals ? 1 : 0);
     gl.uniform1i(places.scaled, content.numbers ? 1 : 0);
-    if (content.numbers) gl.uniform2fv(places.span, content.numbers.span.map((end) => end / content.numbers.unit));
+    if (content.numbers) gl.uniform2fv(places.span, this.span);
     return places;
+  }
+
+  /** The range of the numbers, in their unit. */
+  get span() {
+    const { span, unit } = this.content.numbers;
+    return span.map((end) => end / unit);
   }
 
   bind(places, textures, target, first) {
@@ -395,8 +374,8 @@ class Drawing {
       return texture;
     };
     const image = gl.COLOR_ATTACHMENT0, deep = gl.DEPTH_ATTACHMENT;
-    this.sampled = target(() => { sampled(gl.RGBA8, image); sampled(gl.DEPTH_COMPONENT24, deep); });
-    this.plain = target(() => { this.drawn = plain(gl.RGBA8, image); this.depth = plain(gl.DEPTH_COMPONENT24, deep); });
+    this.sampled = target(() => { sampled(gl.SRGB8_ALPHA8, image); sampled(gl.DEPTH_COMPONENT24, deep); });
+    this.plain = target(() => { this.drawn = plain(gl.SRGB8_ALPHA8, image); this.depth = plain(gl.DEPTH_COMPONENT24, deep); });
     this.coarse = (factor) => {
       const half = [Math.ceil(width / factor), Math.ceil(height / factor)];
       return [0, 1].map(() => {
@@ -406,67 +385,48 @@ class Drawing {
       });
     };
     this.kept = {};
-    this.sums = null;
-    /** A picture of the canvas' size, and two sums of such pictures: one is read, one is written. */
-    this.makeSums = () => {
-      const { canvas } = gl, own = [canvas.width, canvas.height];
-      this.sums ??= [gl.RGBA8, gl.RGBA32F, gl.RGBA32F].map((kind) => {
-        const found = {};
-        found.frame = target(() => { found.image = plain(kind, image, ...own); });
-        return found;
-      });
-    };
     this.drop = () => made.forEach((each) => each());
   }
 
   /**
-   * Draw for a camera with `eye`, `lens`, `flat`, `range` and the pixels of a fold. With a number
-   * `shift`, show the mean of this many shifted pictures and of this one.
+   * Draw for a camera with `eye`, `lens`, `flat`, `range`, the pixels of a fold, and the `limit` and
+   * `parts` of `choose`.
    */
-  draw(camera, below, above, shift = null) {
+  draw(camera, below, above) {
     const gl = this.gl, [width, height] = this.size;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.sampled);
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.enable(gl.DEPTH_TEST);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const places = this.begin();
-    gl.uniformMatrix4fv(places.eye, false, camera.eye);
-    gl.uniformMatrix4fv(places.lens, false, camera.lens);
-    gl.uniform1i(places.flat_, camera.flat);
-    gl.drawElements(gl.TRIANGLES, this.arrays.triangles.length, gl.UNSIGNED_INT, 0);
+    if (camera.yarns) {
+      const places = this.begin();
+      gl.uniformMatrix4fv(places.eye, false, camera.eye);
+      gl.uniformMatrix4fv(places.lens, false, camera.lens);
+      gl.uniform1i(places.flat_, camera.flat);
+      // Where yarns and sheet meet, the nearer one is visible.
+      gl.uniform1f(places.limit, camera.limit + this.content.sight.relief);
+      gl.uniform1f(places.point, this.fine * camera.point);
+      gl.drawElements(gl.TRIANGLES, this.arrays.triangles.length, gl.UNSIGNED_INT, 0);
+    }
+    if (camera.sheet) this.far.draw(camera, below, above, this.fine, this.ramp);
     gl.disable(gl.DEPTH_TEST);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.sampled);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.plain);
-    const both = gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT;
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, both, gl.NEAREST);
+    const copied = gl.COLOR_BUFFER_BIT | (this.shades ? gl.DEPTH_BUFFER_BIT : 0);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, copied, gl.NEAREST);
     gl.bindVertexArray(this.none);
     const shades = this.shades ? [0.35, 1.0].map((radius, i) => this.surroundings(i, radius * this.fine * camera.fold, camera)) : [];
-    if (shift !== null) this.makeSums();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, shift === null ? null : this.sums[0].frame);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, gl.canvas.width, gl.canvas.height);
     const pass = this.pass(this.compose, { drawn: this.drawn, depth: this.depth, near: shades[0]?.image ?? this.drawn, wide: shades[1]?.image ?? this.drawn }, camera);
-    gl.uniform1i(pass.shaded, shades.length);
+    gl.uniform1i(pass.dimmed, shades.length);
     gl.uniform2f(pass.factors, shades[0]?.factor ?? 1, shades[1]?.factor ?? 1);
     gl.uniform2f(pass.size, gl.canvas.width, gl.canvas.height);
     gl.uniform1i(pass.fine, this.fine);
-    gl.uniform1i(pass.line, this.content.numbers ? Math.max(1, Math.round(this.fine * camera.point)) : 0);
     gl.uniform3fv(pass.below, below);
     gl.uniform3fv(pass.above, above);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    if (shift !== null) this.addShot(shift, camera);
-  }
-
-  /** Add the picture to the sum of those before it, and show their mean. */
-  addShot(number, camera) {
-    const gl = this.gl, [shot, before, after] = this.sums;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, after.frame);
-    gl.uniform1i(this.pass(this.add, { shot: shot.image, total: before.image }, camera).first, number === 0);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    this.pass(this.mean, { total: after.image }, camera);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
-    this.sums = [shot, after, before];
   }
 
   /** Return the mean depth around each pixel at lower resolution, which is enough when blurred. */

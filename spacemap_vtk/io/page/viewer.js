@@ -2,9 +2,6 @@
 
 const VIEW_ANGLE = (24 * Math.PI) / 180; // as in the program
 const MOST = 2.3e6; // largest canvas that is drawn with four pixels for each pixel
-const THIN = 4; // yarns of fewer pixels cause moiré, unless many shifted pictures are averaged
-const SHIFTS = 16; // number of these pictures at rest
-const MOVING_SHIFTS = 4; // and in motion, if there is time
 const MARGIN = 0.04; // empty share of the free area at each edge
 const KEYS = ["three-quarter", "front", "side", "top", "lying", "face"];
 // Views of the buttons if z is up. The keys are those of the program.
@@ -85,10 +82,9 @@ class Camera {
   }
 
   /**
-   * Return the camera for `Drawing.draw`, for a page of this size and points inside a ball. The
-   * picture is shifted by a number of pixels to the right and up.
+   * Return the camera for `Drawing.choose`, for a page of this size and points inside a ball.
    */
-  matrices(width, height, ball, fold, [across, above] = [0, 0]) {
+  matrices(width, height, ball, fold) {
     const { flat, distance, free } = this, [right, up, toward] = this.axes;
     const place = sum(this.focus, toward, distance);
     const rows = [right, up, toward];
@@ -101,10 +97,8 @@ class Camera {
     const lens = flat
       ? [x, 0, 0, 0, 0, y, 0, 0, 0, 0, -2 / (far - near), 0, free.right, free.up, -(far + near) / (far - near), 1]
       : [x, 0, 0, 0, 0, y, 0, 0, -free.right, -free.up, -(far + near) / (far - near), -1, 0, 0, (-2 * far * near) / (far - near), 0];
-    const first = flat ? 12 : 8, sign = flat ? 2 : -2;
-    lens[first] += (sign * across) / width;
-    lens[first + 1] += (sign * above) / height;
-    return { eye, lens, flat, distance, range: [near, far], fold: fold / this.pixel(height), point: height / innerHeight };
+    const scale = 1 / this.pixel(height); // pixels of a metre at the centre of rotation
+    return { eye, lens, flat, distance, range: [near, far], scale, fold: fold * scale, point: height / innerHeight };
   }
 }
 
@@ -268,41 +262,19 @@ class Viewer {
     const { canvas, content } = this, dense = Math.min(devicePixelRatio, 2);
     const [width, height] = [canvas.clientWidth, canvas.clientHeight].map((size) => Math.max(1, Math.round(size * dense)));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    // Draw four pixels for each one if there is time, and always when nothing moves any more.
+    this.weigh(this.time);
+    const camera = this.drawing.choose(this.camera.matrices(width, height, this.room, content.sight.relief));
+    // Draw four pixels for each one if there is time, and always when nothing moves any more. A sheet
+    // needs one: its shader computes the mean of everything in a pixel.
     const now = performance.now(), since = now - (this.last ?? now), hurried = !atRest && (this.playing || since < 250);
     if (hurried && since > 0) this.pace = 0.8 * (this.pace ?? 16) + 0.2 * Math.min(since, 200);
-    const fine = width * height > MOST || (hurried && this.pace > 30) ? 1 : 2;
+    const plain = width * height > MOST || !camera.yarns, fine = plain || (hurried && this.pace > 30) ? 1 : 2;
     this.last = now;
     clearTimeout(this.rest);
-    cancelAnimationFrame(this.next);
-    this.settled = !this.playing && (fine === 2 || width * height > MOST);
+    this.settled = !this.playing && (fine === 2 || plain);
     if (!this.settled && !this.playing) this.rest = setTimeout(() => this.requestFrame(), 260);
     this.drawing.resize(fine);
-    this.weigh(this.time);
-    const shown = (shift) => this.camera.matrices(width, height, this.room, content.sight.relief, shift);
-    const thin = this.drawing.adds && shown().fold < THIN;
-    if (!thin || (fine === 1 && hurried)) {
-      this.drawing.draw(shown(), ...this.background);
-      return;
-    }
-    const resting = this.settled;
-    this.settled = atRest;
-    this.average(shown, atRest ? SHIFTS : resting ? 1 : MOVING_SHIFTS, 0, resting);
-  }
-
-  /** Draw some shifted pictures more, after `done` of them, and at rest the others later. */
-  average(shown, count, done, resting) {
-    for (const end = done + count; done < end; done++) {
-      // Equally distributed shifts (M. Roberts, 2018), up to half a pixel: together with the mean
-      // over a pixel they weight the surroundings by a tent of two pixels, as pictures do.
-      const shift = done ? [0.7548777, 0.5698403].map((step) => ((0.5 + done * step) % 1) - 0.5) : [0, 0];
-      this.drawing.draw(shown(shift), ...this.background, done);
-    }
-    this.settled ||= done >= SHIFTS;
-    if (this.settled || !resting) return;
-    this.next = requestAnimationFrame(() => {
-      if (!this.wanted && !this.drawing.gl.isContextLost()) this.average(shown, 1, done, resting);
-    });
+    this.drawing.draw(camera, ...this.background);
   }
 
   /** Return the present picture as a data URL of a PNG. For scripts. */
