@@ -40,20 +40,9 @@ _TILED = 1.3
 def sheet_constants(
     most_texels: int = _MOST_TEXELS, most_tile_texels: float = _MOST_TILE_TEXELS
 ) -> str:
-    """Return the constants of the shaders.
-
-    Parameters
-    ----------
-    most_texels : int
-        Largest number of texels that a pixel sums. Beyond it, the next coarser mip level is used.
-    most_tile_texels : float
-        The same along each side, for texels of tiles.
-
-    Returns
-    -------
-    str
-        GLSL source.
-    """
+    """Return the constants of the shaders; a pixel sums at most so many texels."""
+    # `most_tile_texels` is the number along each side, for texels of tiles. Beyond these numbers,
+    # the next coarser mip level is used.
     tilts = ", ".join(f"{np.radians(tilt):.6f}" for tilt in TILTS)
     return f"""
 const int NODES = {NODES}, TURNS = {TURNS}, TILTS = {len(TILTS)};

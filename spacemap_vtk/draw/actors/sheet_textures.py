@@ -54,30 +54,9 @@ def make_sheet_textures(
     strength: float = 0.0,
     shows_face: bool = False,
 ) -> SheetTextures:
-    """Make the textures of a cloth.
-
-    Parameters
-    ----------
-    cloth : Cloth
-        There must be room for its yarns.
-    color : str
-        Key of `spacemap_vtk.scenes.colorings.COLORINGS`.
-    span : tuple of float, optional
-        Ends of the scale of `crossings`.
-    style : Style
-        Light of the yarns.
-    crossings : ndarray, optional
-        Numbers at each crossing that colours show, of warp and weft, shape (2 or 1, picks, ends).
-    strength : float
-        Strength of the yarns' contact shadows, 0 to 1.
-    shows_face : bool
-        Whether only the face is seen; then the tables are made sooner.
-
-    Returns
-    -------
-    SheetTextures
-        The sides of the colours are multiples of a power of 2, see `LEVELS`.
-    """
+    """Make the textures of a cloth; `strength` is that of the yarns' contact shadows, 0 to 1."""
+    # `crossings` are numbers that colours show, of warp and weft, (2 or 1, picks, ends), and `span`
+    # the ends of their scale. If the cloth only `shows_face`, the tables are made sooner.
     halvings = texture_halvings(cloth.size)
     if crossings is None:
         colors = _yarn_colors(cloth, color)

@@ -77,10 +77,7 @@ class FarClothRecorder:
         self._points[number] = moved.reshape(self._points.shape[1:])
 
     def make(self, fit: AnyFloats, surface: MovingSurface) -> FarCloth:
-        """Return the sheet, with targets that are sums of the recorded times with factors `fit`.
-
-        `fit` has the shape (times, K); changes are relative to the first time.
-        """
+        """Return the sheet; targets are sums of the recorded changes times `fit`, (times, K)."""
         scene, cloth, cells = self._scene, self._sheet.cloth, self._sheet.cells
         drawn = DrawnCloth.from_scene(scene)
         assert drawn is not None
