@@ -94,6 +94,8 @@ class YarnCurves(NamedTuple):
 class FarCloth(NamedTuple):
     """A woven cloth as a sheet, to be drawn where its yarns are too thin to be seen."""
 
+    #: Number of the surface's triangles, from the first one, that belong to yarns.
+    triangles: int
     #: Texture coordinates of its columns, from 0 to 1, (C,), and of its rows, (R,).
     columns: NDArray[np.floating]
     rows: NDArray[np.floating]

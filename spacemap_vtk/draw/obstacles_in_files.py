@@ -43,6 +43,10 @@ def add_obstacles(moving: MovingSurface, scene: Scene, warn: MessageCallback) ->
             targets=_still(quantised.targets, sum(sizes)),
             normals=None if quantised.normals is None else _still(quantised.normals, sum(sizes)),
         )
+    shading = moving.shading
+    if shading is not None and shading.exposures is not None:
+        open_ = np.pad(shading.exposures, (0, sum(sizes)), constant_values=255)
+        shading = shading._replace(exposures=open_)
     more = None if moving.normal_targets is None else _still(moving.normal_targets, sum(sizes))
     points = np.concatenate([part.points for part in parts]).astype(np.float32)
     return replace(
@@ -56,6 +60,7 @@ def add_obstacles(moving: MovingSurface, scene: Scene, warn: MessageCallback) ->
         parts=np.concatenate([moving.parts, numbers.astype(np.asarray(moving.parts).dtype)]),
         part_names=[*moving.part_names, *names],
         quantised=quantised,
+        shading=shading,
     )
 
 

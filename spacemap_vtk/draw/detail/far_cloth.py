@@ -91,6 +91,7 @@ class FarClothRecorder:
         textures = make_sheet_textures(cloth, color, None, style, None, style.occlusion)
         constants = sheet_constants(_MOST_TEXELS, _MOST_TILE_TEXELS)
         return FarCloth(
+            len(surface.triangles),
             columns / cells[0],
             rows / cells[1],
             kept[0],

@@ -137,6 +137,7 @@ def _page_content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDAr
 def _describe_far_cloth(far: FarCloth) -> dict[str, Any]:
     """Return what the page needs to know of a cloth as a sheet, without its arrays."""
     return {
+        "triangles": far.triangles,
         "columns": far.columns.tolist(),
         "rows": far.rows.tolist(),
         "spacing": far.spacing,

@@ -399,16 +399,19 @@ class Drawing {
     gl.clearColor(0, 0, 0, 0);
     gl.enable(gl.DEPTH_TEST);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    if (camera.yarns) {
-      const places = this.begin();
-      gl.uniformMatrix4fv(places.eye, false, camera.eye);
-      gl.uniformMatrix4fv(places.lens, false, camera.lens);
-      gl.uniform1i(places.flat_, camera.flat);
-      // Where yarns and sheet meet, the nearer one is visible.
-      gl.uniform1f(places.limit, camera.limit + this.content.sight.relief);
-      gl.uniform1f(places.point, this.fine * camera.point);
-      gl.drawElements(gl.TRIANGLES, this.arrays.triangles.length, gl.UNSIGNED_INT, 0);
-    }
+    const places = this.begin();
+    gl.uniformMatrix4fv(places.eye, false, camera.eye);
+    gl.uniformMatrix4fv(places.lens, false, camera.lens);
+    gl.uniform1i(places.flat_, camera.flat);
+    gl.uniform1f(places.point, this.fine * camera.point);
+    const all = this.arrays.triangles.length, yarns = this.far ? 3 * this.content.far.triangles : 0;
+    const surface = (first, count, limit) => {
+      gl.uniform1f(places.limit, limit);
+      if (count) gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
+    };
+    // Where yarns and sheet meet, the nearer one is visible.
+    if (camera.yarns) surface(0, yarns, camera.limit + this.content.sight.relief);
+    surface(yarns, all - yarns, 1e30);
     if (camera.sheet) this.far.draw(camera, below, above, this.fine, this.ramp);
     gl.disable(gl.DEPTH_TEST);
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.sampled);
