@@ -31,9 +31,7 @@ from spacemap_vtk.mechanics.contact.samples import sample_faces, sample_sheet
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, assemble_tangent
-from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
-from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 from spacemap_vtk.scenes.figure_list import cloth_figures
 from spacemap_vtk.scenes.report import report_fabric, report_modes
 from spacemap_vtk.scenes.scene import Scene
@@ -403,15 +401,6 @@ def test_terms_of_different_contact_have_different_digests() -> None:
         term.at_rest(points, np.zeros((term.samples.areas.size, 3))),
     ]
     assert len({each.digest for each in others}) == len(others)
-
-
-def test_steps_in_time_refuse_friction() -> None:
-    points, cells, terms = sheet((0, 0.1, 0, 0.1), (2, 2), [Plane((0, 0, -1e-3))], 0.3)
-    free = np.zeros(points.shape, dtype=bool)
-    model = Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms)
-    cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
-    with pytest.raises(InputError, match="does not support friction on obstacles yet"):
-        SteppedMotion(cage)
 
 
 SCENE = """

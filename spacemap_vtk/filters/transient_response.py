@@ -9,7 +9,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import mask_reader
+from spacemap_vtk.datasets.arrays import add_number, mask_reader
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
@@ -23,6 +23,7 @@ from spacemap_vtk.filters.load_parameters import (
 )
 from spacemap_vtk.filters.modal_solver import load_or_solve_equilibrium
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
+from spacemap_vtk.mechanics.contact.resting import obstacles_of
 from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
@@ -35,7 +36,11 @@ if TYPE_CHECKING:
 
 
 #: Prefix of entries on disk. Change it when the same parameters give other states.
-_ENTRY = "steps-gauss"
+_ENTRY = "steps-contact"
+
+#: Field arrays of a cage with obstacles: the energy that friction dissipates, a part of
+#: dissipated_energy, and the work of moving obstacles, a part of external_work.
+CONTACT_ENERGIES = ("friction_energy", "obstacle_work")
 
 #: Number of states in an entry on disk.
 _CHUNK = 512
@@ -52,13 +57,15 @@ class TransientResponse(LoadParameters, Stage):
     two states are interpolated. A run that was stopped continues from its last state.
 
     The output has the arrays of ModalResponse except the modal coordinates. Strain and stress are
-    in axes that turn with the fabric.
+    in axes that turn with the fabric. A cage that touches obstacles has two more field arrays:
+    ``friction_energy``, the part of the dissipated energy that is due to friction, and
+    ``obstacle_work``, the part of the external work that moving obstacles do.
 
     Notes
     -----
     Two-stage Gauss collocation of positions, rates and strains is of fourth order and conserves
-    energy for any step. beta damps rates of strain; about an unstrained state this is Rayleigh
-    damping.
+    energy for any step, also when the cage hits obstacles. beta damps rates of strain; about an
+    unstrained state this is Rayleigh damping.
 
     Examples
     --------
@@ -153,6 +160,10 @@ class TransientResponse(LoadParameters, Stage):
             add_stress(output, *motion.model.strain_and_stress(moved, large=True))
         if self.energy:
             add_energies(output, motion.energies(np.array([time]))[0])
+            if obstacles_of(model):
+                exchanged = motion.contact_energies(np.array([time]))[0]
+                for name, value in zip(CONTACT_ENERGIES, exchanged, strict=True):
+                    add_number(output.GetFieldData(), name, value)
 
     @property
     def _starts_at_rest(self) -> bool:
@@ -211,7 +222,13 @@ class TransientResponse(LoadParameters, Stage):
         self._last_motion = digest, motion
         self._stored = 0, 0.0
         if kept := _read_states(digest):
-            motion.resume(np.concatenate(kept))
+            rows, slips = np.concatenate(kept), None
+            if len(motion.slips):
+                entry = cache.load(f"{_ENTRY}-{digest}-slips", count=(1,), slips=(-1, 3))
+                if entry is None or entry["slips"].shape != motion.slips.shape:
+                    return
+                rows, slips = rows[: int(entry["count"][0])], entry["slips"]
+            motion.resume(rows, slips)
             self._stored = len(motion.states), 0.0
 
     def _equilibrium(
@@ -254,6 +271,9 @@ class TransientResponse(LoadParameters, Stage):
         for number in range(count // _CHUNK, -(-len(rows) // _CHUNK)):
             chunk = rows[number * _CHUNK : (number + 1) * _CHUNK]
             cache.store(f"{_ENTRY}-{digest}-{number}", rows=chunk)
+        if len(slips := motion.slips):
+            count_now = np.array([float(len(rows))])
+            cache.store(f"{_ENTRY}-{digest}-slips", count=count_now, slips=slips)
         self._stored = len(rows), now
 
 

@@ -248,6 +248,48 @@ class ObstacleTerm(EnergyTerm):
         where = self.samples.positions(positions)
         return self.obstacle.gap(where.reshape(-1, 3)).reshape(where.shape[:2]) - self.offset
 
+    def assemble(self, elements: Ints, each: Floats) -> Floats:
+        """Assemble matrices at the samples of some elements by the nodes of all.
+
+        Parameters
+        ----------
+        elements : ndarray of int64, shape (e,)
+            The elements.
+        each : ndarray of float64, shape (e, m, 3, 3)
+            A matrix for each of their samples [N/m].
+
+        Returns
+        -------
+        ndarray of float64, shape (E, 3 n, 3 n)
+            Matrices of all elements [N/m].
+        """
+        samples = self.samples
+        count, size = len(samples.nodes), samples.nodes.shape[1]
+        result = np.zeros((count, 3 * size, 3 * size))
+        if not len(elements):
+            return result
+        products = samples.weights[:, :, None] * samples.weights[:, None, :]
+        products = products.reshape(len(products), -1)
+        blocks = each.reshape(*each.shape[:2], 9).swapaxes(1, 2) @ products
+        blocks = blocks.reshape(-1, 3, 3, size, size).transpose(0, 3, 1, 4, 2)
+        result[elements] = blocks.reshape(-1, 3 * size, 3 * size)
+        return result
+
+    def moves(self, begin: float, end: float) -> Floats:
+        """Compute the move of the obstacle between two times.
+
+        Parameters
+        ----------
+        begin, end : float
+            Times [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (3,)
+            Move [m].
+        """
+        return np.zeros(3)
+
 
 class ObstacleState(TermState):
     """An obstacle's term at fixed positions."""
@@ -339,7 +381,7 @@ class ObstacleState(TermState):
         springs = (self._springs * self._inside)[..., None, None]
         each = springs * normal[..., :, None] * normal[..., None, :]
         each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
-        return self._assemble(self.elements, each + self._friction_tangent())
+        return self._obstacle.assemble(self.elements, each + self._friction_tangent())
 
     @cached_property
     def held(self) -> Held:
@@ -366,21 +408,7 @@ class ObstacleState(TermState):
             sticks = (self._inside & (secant * length < _SLIDES * self._limit)) * secant
             rows = np.searchsorted(part, self.elements)
             each[rows] += SUPPORT * sticks[..., None, None] * self._across
-        return self._assemble(part, each)
-
-    def _assemble(self, elements: Ints, each: Floats) -> Floats:
-        """Assemble matrices (e, m, 3, 3) at the samples of some elements by the nodes of all."""
-        samples = self._obstacle.samples
-        count, size = len(samples.nodes), samples.nodes.shape[1]
-        result = np.zeros((count, 3 * size, 3 * size))
-        if not len(elements):
-            return result
-        products = samples.weights[:, :, None] * samples.weights[:, None, :]
-        products = products.reshape(len(products), -1)
-        blocks = each.reshape(*each.shape[:2], 9).swapaxes(1, 2) @ products
-        blocks = blocks.reshape(-1, 3, 3, size, size).transpose(0, 3, 1, 4, 2)
-        result[elements] = blocks.reshape(-1, 3 * size, 3 * size)
-        return result
+        return self._obstacle.assemble(part, each)
 
     @property
     def _across(self) -> Floats:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -85,6 +86,25 @@ class Obstacle(ABC):
             Distances [m].
         """
         return self._local_gap((points - self.center) @ self.frame.T)
+
+    def moved(self, shift: Floats) -> Obstacle:
+        """Return the same body at another place.
+
+        Parameters
+        ----------
+        shift : ndarray of float64, shape (3,)
+            Move of the centre [m].
+
+        Returns
+        -------
+        Obstacle
+            A copy; this body if it does not move.
+        """
+        if not shift.any():
+            return self
+        found = copy(self)
+        found.center = self.center + shift
+        return found
 
     @property
     def digest(self) -> str:

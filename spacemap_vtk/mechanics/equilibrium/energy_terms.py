@@ -17,7 +17,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -160,6 +160,25 @@ class EnergyTerm(ABC):
         """
         return TermState(self, positions)
 
+    def begin_step(self, positions: Floats, time: float, span: float) -> TermStep | None:
+        """Begin a time step, in which the term computes its own mean forces.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes at the start of the step [m].
+        time : float
+            Start of the step [s].
+        span : float
+            Length of the step [s].
+
+        Returns
+        -------
+        TermStep or None
+            None by default: the forces are integrated by a quadrature over the step.
+        """
+        return None
+
     def in_model_nodes(self, surface: PairedNodes | None, factor: float) -> EnergyTerm:
         """Convert a term of a cage's vertices to one of its model's nodes, times a factor.
 
@@ -196,6 +215,37 @@ class EnergyTerm(ABC):
         moved = fields[:, self.nodes].reshape(len(fields), len(self.nodes), -1)
         blocks = self.evaluate(positions).tangent_at_rest()
         return np.asarray(np.einsum("mei,eij,nej->mn", moved, blocks, moved, optimize=True))
+
+
+class FinishedStep(NamedTuple):
+    """An energy term at the end of a time step."""
+
+    term: EnergyTerm
+    """The term, as it is from now on."""
+    dissipated: float
+    """Energy that it dissipated in the step [J]."""
+    work: float
+    """Work that it did on the body from outside [J]."""
+
+
+class TermStep(ABC):
+    """Energy term in a time step; its forces do the work that its energy loses."""
+
+    @abstractmethod
+    def admits(self, shares: Floats, places: list[Floats]) -> bool:
+        """Check whether the nodes may pass through places (V, 3) at shares of the step."""
+
+    @abstractmethod
+    def forces(self, end: Floats) -> Floats:
+        """Compute the mean forces that hold the nodes, from their positions at the end, (V, 3)."""
+
+    @abstractmethod
+    def tangent(self, end: Floats) -> Floats:
+        """Compute the derivatives of the forces by the positions at the end, (E, 3 n, 3 n)."""
+
+    @abstractmethod
+    def finish(self, end: Floats) -> FinishedStep:
+        """End the step at the given positions."""
 
 
 class TermState:

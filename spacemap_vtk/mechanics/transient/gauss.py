@@ -16,7 +16,8 @@ stages they are too long by (ω h)⁴/720.
 Terms other than strains (`EnergyTerm`) are integrated by a quadrature over the step (Hairer, JNAIAM
 5 (2010) 73). The part of their energy change that the quadrature misses, for example at a contact,
 is added to the equations as a force along M ẋ (Gonzalez, J. Nonlinear Sci. 6 (1996) 449). The
-energy is thus conserved for any term.
+energy is thus conserved for any term. A term may also compute its own mean force over the step
+(`EnergyTerm.begin_step`), which acts at both stages; obstacles do.
 
 The damping β resists rates of strain, and therefore not rotation; about an unstrained state it is
 Rayleigh's β K.
@@ -36,7 +37,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
-from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, TermStep
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg.factors import Solve, factorise_ordered
 from spacemap_vtk.ndarrays import Floats, Ints
@@ -70,6 +71,10 @@ NEAR = 0.006
 #: step at once: a step of half the length costs less than further corrections.
 MAX_TANGENTS = 12
 
+#: Where something can touch an obstacle, a correction may be larger than the one before by this
+#: factor: as measured, samples that come and go cause no more.
+CONTACT_GROWTH = 3.0
+
 #: Newton's method has converged when a correction is below this share of the step.
 CONVERGED = 1e-10
 
@@ -79,6 +84,11 @@ STALLED = 1e-6
 
 #: It has also converged when a correction moves less than this share of the body's size.
 NEGLIGIBLE = 1e-15
+
+#: Where something can touch an obstacle, it has also converged when what is left could change the
+#: energy by less than this share of it. At rest, rounding may change which samples stick, so that
+#: corrections that are small against the step would never come.
+CONTACT_ENERGY = 1e-12
 
 #: A change of energy below this share of the energy is rounding.
 ENERGY_ROUNDING = 1e-14
@@ -110,6 +120,12 @@ class Step(NamedTuple):
     """Estimated errors of the nodal vectors per radian of vibration [m], (V, 3)."""
     stress: list[Floats]
     """Stress at the second stage, for each kind of element."""
+    terms: list[EnergyTerm]
+    """All terms as they are from now on."""
+    rubbed: float
+    """Energy that terms with forces of their own dissipated in the step."""
+    pushed: float
+    """Work that these terms did."""
 
 
 class _ElementStages(NamedTuple):
@@ -148,11 +164,18 @@ class GaussIntegrator:
         drag: Floats | None = None,
     ) -> None:
         self.system, self.mass, self.alpha, self.beta = system, mass.tocsr(), alpha, beta
-        #: Numbers of the terms that are strains, and of the others; `_driven` marks those of the
-        #: others that do external work.
+        #: Numbers of the terms that are strains, and of those that are integrated by a
+        #: quadrature; `_driven` marks those of the latter that do external work.
         self._strained = [k for k, t in enumerate(system.terms) if isinstance(t, Strains)]
         self._kinds = [term for term in system.terms if isinstance(term, Strains)]
-        self._others = [k for k, t in enumerate(system.terms) if not isinstance(t, Strains)]
+        begun = [t.begin_step(system.start, 0.0, 0.0) for t in system.terms]
+        #: Numbers of the terms that compute their own mean forces in a step.
+        self._own = [k for k, each in enumerate(begun) if each is not None]
+        self._others = [
+            k
+            for k, t in enumerate(system.terms)
+            if not isinstance(t, Strains) and k not in self._own
+        ]
         self._driven = np.array(
             [not system.terms[k].conservative for k in self._others], dtype=bool
         )
@@ -167,6 +190,10 @@ class GaussIntegrator:
     def evaluate(self, position: Floats) -> list[TermState]:
         """Evaluate all terms at q."""
         return self.system.evaluate(self._nodal(position))
+
+    def accept(self, step: Step) -> None:
+        """Continue from the end of a step."""
+        self.system.terms = step.terms
 
     def strain_states(self, parts: list[TermState]) -> list[StrainState]:
         """Select the terms that are strains."""
@@ -197,14 +224,19 @@ class GaussIntegrator:
         # from the start to both stages; `stress` is that of each kind of element.
         pushes = np.stack([loads_at(time + share * span).push for share in STAGES])
         factors = np.stack([self._term_factors(loads_at(time + share * span)) for share in _TIMES])
-        strains = self.strain_states(parts)
+        strains, start = self.strain_states(parts), self._nodal(position)
+        own = {n: self.system.terms[n].begin_step(start, time, span) for n in self._own}
+        steps = {number: step for number, step in own.items() if step is not None}
+        stored = self.stored_energy(rate, parts)
+        slack = CONTACT_ENERGY * sum(map(abs, stored)) if steps else 0.0
         least, size, tangent_count = self._least_correction / span, math.inf, 0
         moves, stage_stress = guess, [[each, each] for each in stress]
         kept = self._kept
         if kept is None or kept.span != span or self._is_far(position, position - kept.position):
             kept = None
         for _ in range(MAX_CORRECTIONS):
-            if not self._is_admissible(position, moves):
+            end = self._nodal(_end_position(position, moves))
+            if not self._is_admissible(position, moves, end, steps):
                 return None
             speeds = _INVERSE @ moves / span
             stages = self._evaluate_stages(position, moves, speeds, strains, span)
@@ -214,6 +246,8 @@ class GaussIntegrator:
                 residual[i] += self._element_forces(
                     strains, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
                 )
+            for each in steps.values():
+                residual += self.system.reduce_forces(each.forces(end))
             between = self._evaluate_between(position, moves)
             residual += self._external_forces(between, factors)
             residual += self._conservative_forces(
@@ -225,7 +259,8 @@ class GaussIntegrator:
                 # The geometric stiffness uses the stress predicted by the last linear solution.
                 # The stress computed from its positions contains the spurious stretch of a
                 # linearised rotation. The static equilibrium does the same.
-                solve = self._factorise(stages, stage_stress, between, factors, span)
+                tangents = {number: each.tangent(end) for number, each in steps.items()}
+                solve = self._factorise(stages, stage_stress, between, factors, tangents, span)
                 if solve is None:
                     return None
                 kept = self._kept = _KeptTangent(span, position + moves.mean(axis=0), solve)
@@ -236,12 +271,15 @@ class GaussIntegrator:
             # The size of the step in the norm of a correction: A⁻² / h² has the determinant
             # (12 / h²)², so the moves weigh √12 / h.
             step_size = math.sqrt(float(np.vdot(moves, (self.mass @ moves.T).T))) * 12**0.5 / span
-            if size > max(STALLED * step_size, before) or not math.isfinite(size):
+            most = (CONTACT_GROWTH if steps else 1.0) * before
+            if size > max(STALLED * step_size, most) or not math.isfinite(size):
                 if tangent_count == 0:  # the tangent of an earlier step no longer fits
                     kept, moves, size = None, moves - change, math.inf
                     continue
                 return None
-            if size <= max(least, CONVERGED * step_size) or STALLED * step_size > size >= before:
+            if size <= max(least, CONVERGED * step_size) or size * step_size <= slack:
+                break
+            if STALLED * step_size > size >= before and not steps:
                 break
             if size > MAX_RATIO * before or (tangent_count and self._is_far(position, change)):
                 kept = None
@@ -250,7 +288,8 @@ class GaussIntegrator:
             return None
         speeds = _INVERSE @ moves / span
         stages = self._evaluate_stages(position, moves, speeds, strains, span)
-        end = _end_position(position, moves)
+        last = _end_position(position, moves)
+        end = self._nodal(last)
         later = rate + 3**0.5 * (speeds[1] - speeds[0])
         inertia = self._inertia(speeds - rate, span)
         damped = span / 2 * float(np.vdot(speeds, self._apply_damping(speeds.T).T))
@@ -259,14 +298,32 @@ class GaussIntegrator:
                 damped += self.beta * span / 2 * float(np.vdot(flow, part.kind.stresses(flow)))
         driving = self._external_forces(self._evaluate_between(position, moves), factors)
         work = span / 2 * float(np.vdot(pushes - driving, speeds))
-        error = self._estimate_error(rate, parts, loads_at(time), inertia, kept.solve)
+        mean = np.zeros_like(rate)
+        for each in steps.values():
+            mean += self.system.reduce_forces(each.forces(end))
+        error = self._estimate_error(rate, parts, loads_at(time), inertia, mean, kept.solve)
         pulls = [stage.stress[1] for stage in stages]
-        return Step(end, later, self.evaluate(end), damped, work, error, pulls)
+        finished = {number: each.finish(end) for number, each in steps.items()}
+        terms = list(self.system.terms)
+        for number, result in finished.items():
+            terms[number] = result.term
+        rubbed = sum(result.dissipated for result in finished.values())
+        pushed = sum(result.work for result in finished.values())
+        parts = [term.evaluate(end) for term in terms]
+        return Step(last, later, parts, damped, work, error, pulls, terms, rubbed, pushed)
 
     def _estimate_error(
-        self, rate: Floats, parts: list[TermState], load: ActingLoads, inertia: Floats, solve: Solve
+        self,
+        rate: Floats,
+        parts: list[TermState],
+        load: ActingLoads,
+        inertia: Floats,
+        mean: Floats,
+        solve: Solve,
     ) -> Floats:
         """Estimate the errors per radian of vibration [m], (V, 3)."""
+        # `mean` are the forces of terms that have their own in a step. They do not change within
+        # it, so that they are no part of the difference.
         # The accelerations of the stages, extrapolated linearly to the start, differ from the
         # acceleration there by h²/12 of its second derivative: by a ω⁴ h²/12 for a vibration of
         # amplitude a and frequency ω. The error per radian is a (ω h)⁴/720, which is h²/60 times
@@ -278,6 +335,7 @@ class GaussIntegrator:
         pulls, slopes = [p.stress for p in strains], [p.gradients for p in strains]
         difference = difference + self._element_forces(strains, pulls, slopes)
         difference += self._apply_damping(rate) + self._viscous_forces(parts, rate) - load.push
+        difference = difference + mean
         for number, factor in zip(self._others, self._term_factors(load), strict=True):
             if factor:
                 difference += factor * self.system.reduce_forces(parts[number].forces)
@@ -343,6 +401,7 @@ class GaussIntegrator:
         stress: list[list[Floats]],
         between: list[list[TermState]],
         factors: Floats,
+        own: dict[int, Floats],
         span: float,
     ) -> Solve | None:
         """Factorise the tangent of both stages; return its solver, or None if it is singular."""
@@ -350,6 +409,8 @@ class GaussIntegrator:
         tangents = np.empty((2, 2, self._stage_system.count))
         for i, k in np.ndindex(2, 2):
             blocks = {number: found[i, k] for number, found in others.items()}
+            # The end of the step is the start + √3 (second - first move).
+            blocks |= {n: (3**0.5 if k else -(3**0.5)) * each for n, each in own.items()}
             for number, kind, pull, stage in zip(
                 self._strained, self._kinds, stress, stages, strict=True
             ):
@@ -451,12 +512,16 @@ class GaussIntegrator:
             return forces
         return forces + missing / weight * heavy
 
-    def _is_admissible(self, position: Floats, moves: Floats) -> bool:
+    def _is_admissible(
+        self, position: Floats, moves: Floats, end: Floats, steps: dict[int, TermStep]
+    ) -> bool:
         """Check whether the terms other than strains admit the positions of a step."""
-        if not self._others:
+        if not self._others and not steps:
             return True
         places = [position + _stage_weights(time) @ moves for time in _TIMES]
-        nodal = [self._nodal(place) for place in (*places, _end_position(position, moves))]
+        nodal = [*(self._nodal(place) for place in places), end]
+        if not all(step.admits(np.append(_TIMES, 1.0), nodal) for step in steps.values()):
+            return False
         terms = [self.system.terms[number] for number in self._others]
         return all(term.admits(self.system.start, place) for term in terms for place in nodal)
 

@@ -21,6 +21,8 @@ from scipy.sparse import csr_matrix
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
 from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
+from spacemap_vtk.mechanics.contact.obstacle_step import SteppedObstacle, begin_stepping
+from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.resting import obstacles_of
 from spacemap_vtk.mechanics.elements.strains import StrainState
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState, VertexTerm
@@ -65,8 +67,8 @@ MIN_MOTION = 1e-7
 SAME_STEP = 1.2
 
 #: Number of columns before positions and rates: time, the step to try next, kinetic, strain and
-#: dissipated energy, and external work.
-COLUMNS = 6
+#: dissipated energy, external work, and the parts of the last two by friction and by obstacles.
+COLUMNS = 8
 
 
 class SteppedMotion(Motion):
@@ -156,14 +158,24 @@ class SteppedMotion(Motion):
             for load in self.loads
             if load.faces is not None
         ]
-        system = ReducedSystem([*pencil.terms, *followers], pencil.basis, start)
-        #: Number of terms other than followers that do external work.
-        self._driven_count = sum(not term.conservative for term in pencil.terms)
-        mass = (model.density / model.modulus) * pencil.mass
         #: Displacement of the equilibrium [m]; zero if there is none.
         self.rest = np.zeros_like(self.points)
         if model.displacement is not None:
             self.rest = model.displacement
+        moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
+        q, v = (
+            pencil.reduce_displacements(np.reshape(field, (-1, 1)))[:, 0]
+            for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
+        )
+        first = start + (pencil.basis @ q).reshape(-1, 3)
+        terms = [
+            begin_stepping(term, first) if isinstance(term, ObstacleTerm) else term
+            for term in pencil.terms
+        ]
+        system = ReducedSystem([*terms, *followers], pencil.basis, start)
+        #: Number of terms other than followers that do external work.
+        self._driven_count = sum(not term.conservative for term in pencil.terms)
+        mass = (model.density / model.modulus) * pencil.mass
         beta, drag = _damping_from_ratios(cage, system, mass, damping)
         self._integrator = GaussIntegrator(system, mass, damping.alpha, beta, drag)
         self._dead = system.reduce_forces(dead)
@@ -171,16 +183,11 @@ class SteppedMotion(Motion):
             pencil.reduce_forces(cage.vertex_forces(load)[:, None])[:, 0] / model.modulus
             for load in self.loads
         ]
-        moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
-        q, v = (
-            pencil.reduce_displacements(np.reshape(field, (-1, 1)))[:, 0]
-            for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
-        )
         self._rows = np.empty((64, COLUMNS + 2 * len(q)))
         self._count = 0
         kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
-        first = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain]
-        self._append(np.concatenate([first, q, v]))
+        begun = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain, 0.0, 0.0]
+        self._append(np.concatenate([begun, q, v]))
         #: Number of the last state, its terms, and the stress of each kind of element.
         self._last_state: tuple[int, list[TermState], list[Floats]] = 0, [], []
         #: Number of states that `_farthest` includes.
@@ -189,21 +196,29 @@ class SteppedMotion(Motion):
 
     @property
     def states(self) -> Floats:
-        """States so far, (n, 6 + 2N); times ascend, and a time occurs twice if a base jumps."""
+        """States so far, (n, 8 + 2N); times ascend, and a time occurs twice if a base jumps."""
         return self._rows[: self._count]
+
+    @property
+    def slips(self) -> Floats:
+        """Slip of friction at the samples of all obstacles in the last state [m], (S, 3)."""
+        found = [each.slip.reshape(-1, 3) for each in self._obstacles()]
+        return np.concatenate([np.empty((0, 3)), *found])
 
     @property
     def last_time(self) -> float:
         """Time of the last state [s]."""
         return float(self._rows[self._count - 1, 0])
 
-    def resume(self, rows: Floats) -> bool:
+    def resume(self, rows: Floats, slips: Floats | None = None) -> bool:
         """Continue from states of the same motion that were computed elsewhere.
 
         Parameters
         ----------
-        rows : ndarray of float64, shape (n, 6 + 2N)
-            `rows` of the other `SteppedMotion`, from the first one on.
+        rows : ndarray of float64, shape (n, 8 + 2N)
+            `states` of the other `SteppedMotion`, from the first one on.
+        slips : ndarray of float64, shape (S, 3), optional
+            `slips` of the other one [m]; needed with friction.
 
         Returns
         -------
@@ -215,8 +230,23 @@ class SteppedMotion(Motion):
             return False
         if not (np.isfinite(rows).all() and np.array_equal(rows[: len(mine)], mine)):
             return False
+        if slips is None and any(each.obstacle_term.coefficient for each in self._obstacles()):
+            return False
         self._rows, self._count = rows, len(rows)
+        first = 0
+        terms = list(self._integrator.system.terms)
+        for number, term in enumerate(terms):
+            if isinstance(term, SteppedObstacle):
+                last = first + term.slip[..., 0].size
+                slip = None if slips is None else slips[first:last].reshape(term.slip.shape)
+                terms[number] = term.at_time(self.last_time, slip)
+                first = last
+        self._integrator.system.terms = terms
         return True
+
+    def _obstacles(self) -> list[SteppedObstacle]:
+        terms = self._integrator.system.terms
+        return [term for term in terms if isinstance(term, SteppedObstacle)]
 
     def step_until(self, time: float, progress: Progress | None = None) -> None:
         """Step until there is a state beyond a time.
@@ -278,7 +308,27 @@ class SteppedMotion(Motion):
         wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
         self.step_until(float(wanted.max(initial=0.0)))
         table = self.states
-        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, COLUMNS)]
+        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, 6)]
+        return self.model.modulus * np.stack(found, axis=1)
+
+    def contact_energies(self, times: Floats) -> Floats:
+        """Compute the exchange of energy with obstacles over time, linear between the states.
+
+        Parameters
+        ----------
+        times : ndarray of float64, shape (t,)
+            Times [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (t, 2)
+            Energy dissipated by friction, and work of moving obstacles [J]; parts of the third and
+            fourth column of `energies`.
+        """
+        wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
+        self.step_until(float(wanted.max(initial=0.0)))
+        table = self.states
+        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in (6, 7)]
         return self.model.modulus * np.stack(found, axis=1)
 
     def potential(self, times: Floats) -> Floats:
@@ -392,9 +442,11 @@ class SteppedMotion(Motion):
         longer = 1.0 if SAFETY <= share <= SAME_STEP else min(share, MAX_GROWTH)
         # A step that a corner has shortened does not limit the next one.
         following = max(span * longer, step if span < step else 0.0)
+        self._integrator.accept(found)
         kinetic, strain = self._integrator.stored_energy(found.rate, found.parts)
-        damped, work = row[4] + found.damped, row[5] + found.work
+        damped, work = row[4] + found.damped + found.rubbed, row[5] + found.work + found.pushed
         head = [end if span == remaining else time + span, following, kinetic, strain, damped, work]
+        head += [row[6] + found.rubbed, row[7] + found.pushed]
         self._append(np.concatenate([head, found.position, found.rate]))
         self._last_state = self._count, found.parts, found.stress
         if span == remaining:
@@ -505,8 +557,9 @@ def _check_supported(cage: CageModes, loads: Sequence[LoadVector]) -> None:
             key="rigid",
             cure="Fix the place, leave out modal.rigid, or use [response].",
         )
-    if any(term.coefficient > 0.0 for term in obstacles_of(cage.model)):
+    if obstacles_of(cage.model) and any(load.moves_base is not None for load in loads):
         raise InputError(
-            "time stepping does not support friction on obstacles yet",
-            cure="Leave out friction of modal.obstacles, or use [response].",
+            "time stepping does not support a moving base with obstacles",
+            key="base_displacement",
+            cure="Move the obstacles instead, or use base_acceleration.",
         )
