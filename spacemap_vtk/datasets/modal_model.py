@@ -40,6 +40,8 @@ _TERMS = "energy_terms"
 
 #: Name of the field array of the anchors of friction at samples of obstacles [m].
 _ANCHORS = "contact_anchors"
+#: Name of the field array of the displacements of obstacles [m].
+_MOVES = "obstacle_displacement"
 #: Names of the field arrays that report on each obstacle: force on it [N], number of samples that
 #: touch it, largest penetration [m], and number of touching samples whose friction is at its limit.
 _CONTACT = ("contact_force", "contact_points", "contact_penetration", "contact_sliding")
@@ -133,10 +135,21 @@ def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
 
 def bodies_of(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
     """Return shape and place of each obstacle of a cage, see `filters.obstacle.Obstacle.body`."""
+    # Stages that step in time add how far each obstacle has moved.
     array = grid.GetFieldData().GetAbstractArray(_TERMS)
     count = 0 if array is None else array.GetNumberOfValues()
     recipes = [json.loads(array.GetValue(k)) for k in range(count)]
-    return [recipe["body"] for recipe in recipes if recipe["kind"] == "obstacle"]
+    bodies = [recipe["body"] for recipe in recipes if recipe["kind"] == "obstacle"]
+    if bodies and grid.GetFieldData().HasArray(_MOVES):
+        moves = array_of(grid.GetFieldData(), _MOVES, _OWNER)
+        for body, move in zip(bodies, moves, strict=True):
+            body["center"] = (np.array(body["center"]) + move).tolist()
+    return bodies
+
+
+def add_obstacle_moves(grid: vtkUnstructuredGrid, moves: Floats) -> None:
+    """Write how far each obstacle has moved [m], (n, 3)."""
+    add_array(grid.GetFieldData(), _MOVES, moves)
 
 
 def add_contact(grid: vtkUnstructuredGrid, model: Model) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -11,9 +10,9 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import vectors_of
 from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.records import Record, Records
+from spacemap_vtk.filters.time_keys import TIME_KEYS, check_time_keys, make_time_function
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.toml import format_value
-from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.boundary.places import SIDES
 from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
@@ -39,15 +38,8 @@ ACTIONS = {
 }
 #: Actions that may act for ever: those that neither move the base nor are gravity.
 DEAD_ACTIONS = ("pressure", "traction", "force", "array")
-#: For each time function, the keys that it needs and the keys that it may have.
-TIME_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "step": ((), ("start",)),
-    "pulse": (("length",), ("start",)),
-    "ramp": (("rise",), ("start",)),
-    "table": (("times", "values"), ("start", "file")),
-    "harmonic": (("frequency",), ("phase", "steady")),
-    "periodic": (("times", "values"), ("steady", "file")),
-}
+#: Keys of a time function besides its points.
+_FUNCTION = ("time", "start", "length", "rise", "frequency", "phase", "steady")
 
 
 class Numbers(Parameter[Any]):
@@ -181,12 +173,14 @@ class Load(Record):
                 cure="Leave out follower, or give a pressure.",
             )
         self._check_place()
-        self._check_time()
+        check_time_keys(self, self.file is not None)
         self._points = (
             (self.times, self.values) if self.file is None else registry.read(self.file, "table")
         )
         try:
-            self._function = self._make_function()
+            times, values = self._points
+            keys: dict[str, Any] = {name: getattr(self, name) for name in _FUNCTION}
+            self._function = make_time_function(keys | {"times": times, "values": values})
         except InputError as error:
             if self.file is not None:
                 error.key, error.message = "file", f"{error.message}, in {self.file}"
@@ -218,41 +212,6 @@ class Load(Record):
             if key != wanted and there:
                 place = f'needs "{wanted}"' if wanted else "acts on the whole cage"
                 raise InputError(f'a {self.action} cannot have "{key}": it {place}', key=key)
-
-    def _check_time(self) -> None:
-        needed, possible = TIME_KEYS[self.time]
-        for key in sorted({key for pair in TIME_KEYS.values() for keys in pair for key in keys}):
-            there = getattr(self, key) not in (None, False)
-            if key in needed and self.file is not None:
-                if there:
-                    raise InputError("is already given by file", key=key)
-            elif key in needed and not there:
-                raise InputError(
-                    f'time = "{self.time}" needs this value',
-                    key=key,
-                    allowed=self.parameter(key).allowed,
-                )
-            if there and key not in needed + possible:
-                raise InputError(
-                    f'time = "{self.time}" does not use this value',
-                    key=key,
-                    allowed=", ".join(needed + possible),
-                )
-
-    def _make_function(self) -> TimeFunction:
-        start, (times, values) = self.start or 0.0, self._points
-        if self.time == "periodic":
-            return time_functions.periodic(times, values, steady=self.steady)
-        if self.time == "harmonic":
-            phase = math.radians(self.phase or 0.0)
-            return time_functions.harmonic(self.frequency, phase, steady=self.steady)
-        tables = {
-            "step": ((0.0,), (1.0,)),
-            "pulse": ((0.0, self.length, self.length), (1.0, 1.0, 0.0)),
-            "ramp": ((0.0, self.rise), (0.0, 1.0)),
-            "table": (times, values),
-        }
-        return time_functions.table(*tables[self.time], start)
 
 
 class Loads(Records):

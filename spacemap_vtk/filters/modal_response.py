@@ -23,6 +23,7 @@ from spacemap_vtk.filters.load_parameters import (
     add_stress,
 )
 from spacemap_vtk.mechanics.contact.opening import RestingContact, resting_contacts
+from spacemap_vtk.mechanics.contact.resting import obstacles_of
 from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.elements.kinematics import (
     LARGE_ROTATION,
@@ -106,6 +107,14 @@ class ModalResponse(LoadParameters, Stage):
         if self._modes is None:
             self._modes = ModesReader()
         modes = self._modes.read(grid)
+        for number, term in enumerate(obstacles_of(modes.model)):
+            if term.motion is not None:
+                raise InputError(
+                    "a linear motion does not support obstacles that move",
+                    key=f"obstacles[{number}].displacement",
+                    value=tuple(term.motion.displacement.tolist()),
+                    cure="Use [transient] instead of [response], or leave out displacement.",
+                )
         # The motion is the same for all requested times.
         key = grid.GetMTime(), self.GetMTime()
         if self._last_motion is None or self._last_motion[0] != key:

@@ -330,7 +330,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             "sheet": sheet is not None,
         }
         return [
-            {**common, "body": obstacle.body, "friction": obstacle.friction}
+            {
+                **common,
+                "body": obstacle.body,
+                "friction": obstacle.friction,
+                "motion": obstacle.motion,
+            }
             for obstacle in self.obstacles
         ]
 

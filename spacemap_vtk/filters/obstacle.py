@@ -13,9 +13,12 @@ import numpy as np
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.mesh_distance import sample_distance
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.load import Numbers
 from spacemap_vtk.filters.records import Record, Records
+from spacemap_vtk.filters.time_keys import check_time_keys, make_time_function
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_object
+from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.contact import obstacles as bodies
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.samples import sample_faces, sample_sheet
@@ -37,6 +40,10 @@ SHAPES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _DISC_HEIGHT = 0.1
 #: Radius of edges over half of the least thickness, unless it is given.
 _ROUNDING = 0.5
+
+#: Time functions of motions, and their keys.
+_MOTIONS = ("ramp", "table", "harmonic", "periodic")
+_MOTION_KEYS = ("start", "rise", "times", "values", "frequency")
 
 _SIZED = ("box",)
 _ROUND = ("sphere", "cylinder", "disc")
@@ -116,6 +123,28 @@ class Obstacle(Record):
     file = FilePath(
         None, "File of a closed surface, of any mesh format.", when={"shape": ("mesh",)}
     )
+    displacement = Vector(
+        None,
+        "Displacement of the obstacle in time steps, multiplied by a time function.",
+        component=Real(0.0, "", unit="m"),
+    )
+    time = Choice(
+        "ramp",
+        "Factor of the displacement over time. ramp: from 0 to 1; table: linear between points; "
+        "harmonic: sin(2πft); periodic: a repeated table.",
+        list(_MOTIONS),
+    )
+    start = Real(None, "Time at which the motion begins.", unit="s", minimum=0.0)
+    rise = Real(None, "Rise time of a ramp.", unit="s", above=0.0)
+    times = Numbers(
+        "Times of a table, relative to start. The last time of a periodic motion is its period.",
+        component=Real(0.0, "", unit="s", minimum=0.0),
+    )
+    values = Numbers(
+        "Factor at each time, the first 0; after the last time, a table keeps its last value.",
+        component=Real(0.0, ""),
+    )
+    frequency = Real(None, "Frequency of a harmonic motion.", unit="1/s", above=0.0)
     friction = Real(
         0.0,
         "Coefficient of Coulomb friction. With friction the equilibrium depends on the path: the "
@@ -139,7 +168,7 @@ class Obstacle(Record):
                     f'shape = "{self.shape}" does not use this value',
                     key=key,
                     value=getattr(self, key),
-                    allowed=", ".join(("center", *needed, *possible, "friction")),
+                    allowed=", ".join(("center", *needed, *possible, "friction", "displacement")),
                 )
         for key in ("normal", "axis"):
             if not any(getattr(self, key)):
@@ -151,10 +180,45 @@ class Obstacle(Record):
                 value=rounding,
                 allowed=f"at most {self._half_thickness:.4g} m",
             )
+        self._check_motion()
         self._state = None
         if self.file is not None:
             state = registry.require_file(self.file).stat()
             self._state = (state.st_mtime_ns, state.st_size)
+
+    def _check_motion(self) -> None:
+        """Check the displacement and its time function."""
+        if self.displacement is None:
+            for key in ("time", *_MOTION_KEYS):
+                if key in self.given_values:
+                    raise InputError(
+                        "an obstacle without a displacement does not use this value",
+                        key=key,
+                        value=getattr(self, key),
+                        cure="Give the displacement of the obstacle, or leave this out.",
+                    )
+            return
+        check_time_keys(self)
+        if not time_functions.is_continuous(make_time_function(self._time_values)):
+            raise InputError(
+                "the motion of an obstacle must begin with 0 and must not jump",
+                key="values" if self.values is not None else "start",
+                value=self.values if self.values is not None else self.start,
+                cure="Begin the values with 0, and give no time twice.",
+            )
+
+    @property
+    def _time_values(self) -> dict[str, Any]:
+        given = {key: getattr(self, key) for key in ("time", *_MOTION_KEYS)}
+        return {key: value for key, value in given.items() if value is not None}
+
+    @property
+    def motion(self) -> dict[str, Any] | None:
+        """Displacement and time function as numbers and texts; None if the obstacle stays."""
+        if self.displacement is None:
+            return None
+        values = {k: list(v) if isinstance(v, tuple) else v for k, v in self._time_values.items()}
+        return {"displacement": list(self.displacement), **values}
 
     @property
     def identity(self) -> Any:
@@ -260,8 +324,15 @@ def _make_obstacle_term(
     offset: float,
     friction: float,
     sheet: bool,
+    motion: Mapping[str, Any] | None = None,
 ) -> ObstacleTerm:
     """Make the term of an obstacle on a cage: a sheet, or a solid."""
     surface = find_mid_surface(points, cells) if sheet else None
     samples = sample_faces(points, cells) if surface is None else sample_sheet(points, surface)
-    return ObstacleTerm(_make_body(**body), samples, stiffness, offset, friction, surface=surface)
+    found = None
+    if motion is not None:
+        displacement = np.asarray(motion["displacement"], dtype=np.float64)
+        found = bodies.BodyMotion(displacement, make_time_function(motion))
+    return ObstacleTerm(
+        _make_body(**body), samples, stiffness, offset, friction, surface=surface, motion=found
+    )

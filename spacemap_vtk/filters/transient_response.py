@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_number, mask_reader
-from spacemap_vtk.datasets.modal_model import ModesReader
+from spacemap_vtk.datasets.modal_model import ModesReader, add_obstacle_moves
 from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_fittings import Supports
@@ -151,7 +151,9 @@ class TransientResponse(LoadParameters, Stage):
         displacement, velocity, acceleration = motion.at_time(time)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
-        model = motion.model
+        model, moves = motion.model, motion.obstacle_moves(time)
+        if moves.any():
+            add_obstacle_moves(output, moves)
         if text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface):
             self.warn(text)
         if self.stress:
@@ -195,6 +197,9 @@ class TransientResponse(LoadParameters, Stage):
                 *vector.function,
             )
         ]
+        for term in obstacles_of(model):
+            if term.motion is not None:
+                parts += [term.motion.displacement, *term.motion.function]
         bounds = self.tolerance, self.max_step
         numbers = (model.modulus, model.density, *damping[:2], *bounds)
         ratios += [np.asarray(damping.ratio)] if ratios else []

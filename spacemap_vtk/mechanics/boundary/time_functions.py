@@ -107,6 +107,30 @@ def is_constant(function: TimeFunction) -> bool:
     return not function.slopes.any() and bool((function.values == function.values[0]).all())
 
 
+def is_continuous(function: TimeFunction) -> bool:
+    """Check whether a function starts with 0 at t = 0 and has no jump.
+
+    Parameters
+    ----------
+    function : PiecewiseLinear or Sine
+        The function.
+
+    Returns
+    -------
+    bool
+        False if what the function moves would jump.
+    """
+    if isinstance(function, Sine):
+        return not function.steady and abs(math.sin(function.phase)) < 1e-12
+    ends = np.append(function.times[1:], function.period or function.times[-1])
+    last = function.values + function.slopes * (ends - function.times)
+    if function.period is None:
+        last = last[:-1]
+    following = np.roll(function.values, -1)[: len(last)]
+    size = float(abs(function.values).max())
+    return bool(function.values[0] == 0.0 and (abs(last - following) <= 1e-12 * size).all())
+
+
 def step(start: float = 0.0) -> PiecewiseLinear:
     """Make a function that is 0 before a time and 1 from it on.
 

@@ -11,10 +11,11 @@ the change of U, however long the step: an impact neither gains nor loses energy
 Friction is an elastic slip e of each sample along the surface, which pulls with k A e, and which is
 bounded by μ times the mean normal force p of the step:
 
-    f = k A (e₀ + Δx/2), of length μ p at most,    e₁ = 2 f/(k A) - e₀
+    f = k A e₁,    e₁ = e₀ + Δx, of length μ p/(k A) at most
 
-The energy ½ k A e² is stored, and 2 f·(k A (e₀ + Δx/2) - f)/(k A) ≥ 0 is dissipated. A sample that
-no longer touches at the end of a step loses its slip.
+The energy ½ k A e² is stored, and f·(e₀ + Δx - e₁) + ½ k A (e₁ - e₀)² ≥ 0 is dissipated. The last
+part vanishes in short steps; in long ones it damps the vibrations of samples that stick. A sample
+that no longer touches at the end of a step loses its slip.
 
 In time steps the springs stiffen towards the middle of the obstacle, where their energy
 ½ k A d²/(1 - (d/D)²) of a depth d is infinite: nothing passes through, however fast it is.
@@ -28,6 +29,7 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
+from spacemap_vtk.mechanics.contact.obstacles import BodyMotion
 from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     EnergyTerm,
     FinishedStep,
@@ -88,16 +90,23 @@ class SteppedObstacle(EnergyTerm):
     def at_time(self, time: float, slip: Floats | None = None) -> SteppedObstacle:
         """Return the same contact at another time [s], from its state at the start."""
         term = self.obstacle_term
-        moved = term.replace(obstacle=term.obstacle.moved(term.moves(0.0, time)))
+        moved = term.replace(obstacle=term.obstacle.moved(self._moves(0.0, time)))
         return SteppedObstacle(moved, self.slip if slip is None else slip)
 
     def begin_step(self, positions: Floats, time: float, span: float) -> ObstacleStep:
         """Begin a time step."""
-        return ObstacleStep(self, positions, self.obstacle_term.moves(time, time + span))
+        return ObstacleStep(self, positions, self._moves(time, time + span))
+
+    def _moves(self, begin: float, end: float) -> Floats:
+        """Compute the move of the obstacle between two times [m], (3,)."""
+        motion = self.obstacle_term.motion
+        return np.zeros(3) if motion is None else motion.at_time(end) - motion.at_time(begin)
 
 
-def begin_stepping(term: ObstacleTerm, positions: Floats) -> SteppedObstacle:
-    """Make the term of the first time step from one with anchors of friction, or without."""
+def begin_stepping(
+    term: ObstacleTerm, positions: Floats, motion: BodyMotion | None = None
+) -> SteppedObstacle:
+    """Make the term of the first time step from that of a state at rest."""
     where = term.samples.positions(positions)
     deepest = -float(term.gaps(positions).min(initial=0.0))
     if deepest >= _room(term):
@@ -112,7 +121,7 @@ def begin_stepping(term: ObstacleTerm, positions: Floats) -> SteppedObstacle:
     if term.friction is not None:
         moved = np.nan_to_num(where - term.friction.anchors)
         slip = _across(moved, term.friction.normals)
-    return SteppedObstacle(term.replace(friction=None), slip)
+    return SteppedObstacle(term.replace(friction=None, motion=motion), slip)
 
 
 class ObstacleStep(TermStep):
@@ -162,9 +171,10 @@ class ObstacleStep(TermStep):
             return FinishedStep(SteppedObstacle(moved, self._slip), 0.0, work)
         friction, slip, trial = self._friction(mean)
         springs = self._springs[mean.elements][..., None]
-        lost = float((2 * friction * (trial - friction) / springs).sum())
+        lost = float((friction * (trial - friction) / springs).sum())
+        lost += 0.5 * float((springs * (friction / springs - slip) ** 2).sum())
         later = np.zeros_like(self._slip)
-        later[mean.elements] = 2 * friction / springs - slip
+        later[mean.elements] = friction / springs
         where = term.samples.positions(end)
         found = moved.obstacle.distance(where.reshape(-1, 3))
         opens = found.gap.reshape(where.shape[:2]) >= term.offset
@@ -218,7 +228,7 @@ class ObstacleStep(TermStep):
     def _friction(self, mean: _Mean) -> tuple[Floats, Floats, Floats]:
         """Compute friction, slip at the start, and the friction if nothing slid, (e, m, 3)."""
         slip = _turned(self._slip[mean.elements], mean.unit)
-        trial = slip + _across(mean.moved, mean.unit) / 2
+        trial = slip + _across(mean.moved, mean.unit)
         trial *= self._springs[mean.elements][..., None]
         length = np.linalg.norm(trial, axis=2)
         limit = -self.term.coefficient * mean.force
@@ -234,7 +244,7 @@ class ObstacleStep(TermStep):
         way = trial / np.where(length > 0, length, 1.0)[..., None]
         across = np.eye(3) - mean.unit[..., :, None] * mean.unit[..., None, :]
         along = slides * way[..., :, None] * way[..., None, :]
-        springs = (share * self._springs[mean.elements] / 2)[..., None, None]
+        springs = (share * self._springs[mean.elements])[..., None, None]
         grip = self.term.coefficient * slides * way[..., :, None] * mean.growth[..., None, :]
         return np.asarray(springs * (across - along) - grip)
 

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.mechanics.contact.obstacles import Obstacle
+from spacemap_vtk.mechanics.contact.obstacles import BodyMotion, Obstacle
 from spacemap_vtk.mechanics.contact.samples import Samples
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import MidSurface
@@ -129,7 +129,11 @@ class ObstacleTerm(EnergyTerm):
         coefficient: float = 0.0,
         friction: Friction | None = None,
         surface: MidSurface | None = None,
+        motion: BodyMotion | None = None,
     ) -> None:
+        #: Motion of the obstacle in time steps; elsewhere it stays at its place of t = 0, so that
+        #: the motion is not in the digest.
+        self.motion = motion
         self.obstacle, self.samples, self.stiffness = obstacle, samples, stiffness
         self.offset, self.coefficient, self.friction = offset, coefficient, friction
         self.surface = surface
@@ -162,6 +166,7 @@ class ObstacleTerm(EnergyTerm):
             "coefficient": self.coefficient,
             "friction": self.friction,
             "surface": self.surface,
+            "motion": self.motion,
         }
         return ObstacleTerm(**{**given, **changes})
 
@@ -274,21 +279,6 @@ class ObstacleTerm(EnergyTerm):
         blocks = blocks.reshape(-1, 3, 3, size, size).transpose(0, 3, 1, 4, 2)
         result[elements] = blocks.reshape(-1, 3 * size, 3 * size)
         return result
-
-    def moves(self, begin: float, end: float) -> Floats:
-        """Compute the move of the obstacle between two times.
-
-        Parameters
-        ----------
-        begin, end : float
-            Times [s].
-
-        Returns
-        -------
-        ndarray of float64, shape (3,)
-            Move [m].
-        """
-        return np.zeros(3)
 
 
 class ObstacleState(TermState):

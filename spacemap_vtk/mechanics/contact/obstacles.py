@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats
 
@@ -30,6 +31,30 @@ class Distance(NamedTuple):
     """(n, 3), ∇g: the outward normal."""
     curvature: Floats
     """(n, 3, 3), ∇∇g [1/m]."""
+
+
+class BodyMotion(NamedTuple):
+    """Motion of a body in time: a displacement times a function."""
+
+    displacement: Floats
+    """(3,), displacement where the function is 1 [m]."""
+    function: TimeFunction
+    """Factor over time, which is continuous and begins with 0."""
+
+    def at_time(self, time: float) -> Floats:
+        """Compute the displacement at a time.
+
+        Parameters
+        ----------
+        time : float
+            Time [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (3,)
+            Displacement [m].
+        """
+        return self.displacement * self.function.value(time)
 
 
 class Obstacle(ABC):

@@ -143,7 +143,11 @@ class SteppedMotion(Motion):
         #: moves away from its start by twice its amplitude.
         self._max_error = tolerance / (4 * math.pi * PERIODS)
         self._min_motion = MIN_MOTION * size
-        sines = [load.function for load in self.loads if isinstance(load.function, Sine)]
+        motions = [term.motion for term in obstacles_of(model)]
+        #: Time functions of loads and obstacles.
+        self._functions = [load.function for load in self.loads]
+        self._functions += [motion.function for motion in motions if motion is not None]
+        sines = [function for function in self._functions if isinstance(function, Sine)]
         self.max_step = min(
             [max_step, *(2 * math.pi / (STEPS_PER_PERIOD * s.omega) for s in sines)]
         )
@@ -168,8 +172,10 @@ class SteppedMotion(Motion):
             for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
         )
         first = start + (pencil.basis @ q).reshape(-1, 3)
+        # A pencil is shared by models that differ only in the motions of their obstacles.
+        moving = iter(motions)
         terms = [
-            begin_stepping(term, first) if isinstance(term, ObstacleTerm) else term
+            begin_stepping(term, first, next(moving)) if isinstance(term, ObstacleTerm) else term
             for term in pencil.terms
         ]
         system = ReducedSystem([*terms, *followers], pencil.basis, start)
@@ -360,6 +366,23 @@ class SteppedMotion(Motion):
         rate = v + since * (2 * bend + 3 * since * twist)
         return np.stack([place, rate, (2 * bend + 6 * since * twist) / whole])
 
+    def obstacle_moves(self, time: float) -> Floats:
+        """Compute how far each obstacle has moved.
+
+        Parameters
+        ----------
+        time : float
+            Time [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            Displacement of each of the n obstacles [m].
+        """
+        motions = [term.motion for term in obstacles_of(self.model)]
+        moves = [np.zeros(3) if each is None else each.at_time(time) for each in motions]
+        return np.reshape(moves, (-1, 3))
+
     def base_motion(self, time: float) -> Floats:
         """Compute the motion of the base.
 
@@ -415,7 +438,7 @@ class SteppedMotion(Motion):
         for other in self.states[self._seen_count :, COLUMNS : COLUMNS + len(q)]:
             self._farthest = _longer_vectors(self._farthest, self._node_moves(other))
         self._seen_count = self._count
-        end = min((load.function.next_corner(time) for load in self.loads), default=math.inf)
+        end = min((each.next_corner(time) for each in self._functions), default=math.inf)
         step = min(step, self.max_step)
         while True:
             # The step is shortened so that no tiny one is left before a corner.
