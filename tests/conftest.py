@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -29,6 +30,7 @@ from spacemap_vtk.app.requirements import require_window
 from spacemap_vtk.draw import graphics
 from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.scenes import library
 
 # A container may forbid to keep what is compiled: then each of a hundred processes that the tests
 # start, and each worker, would compile the package and the tests anew.
@@ -252,11 +254,36 @@ def freed_windows(app: Any) -> Iterator[Callable[[], Any]]:
     gc.collect()
 
 
+@pytest.fixture(scope="session")
+def coarse_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Copy the scenes that come with the program; those that most tests open get fewer facets.
+
+    A window computes and draws them again after most of what a test does in it.
+    """
+    folder = tmp_path_factory.mktemp("scenes")
+    shutil.copytree(library.folder(), folder, dirs_exist_ok=True)
+    for name in ("plain_weave", "calculix_fabric", "double_weave", "handweaving"):
+        scene = folder / f"{name}.toml"
+        text, count = re.subn(r"(?m)^subdivisions = \d+", "subdivisions = 2", scene.read_text())
+        assert count == 1
+        scene.write_text(text)
+    return folder
+
+
 @pytest.fixture
-def own_settings(request: pytest.FixtureRequest, tmp_path: Path) -> None:
-    """Let what windows remember be this test's alone."""
+def own_settings(
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    coarse_library: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Let what windows remember be this test's alone; draw coarse scenes, and each pixel once."""
     from PySide6.QtCore import QSettings
 
+    from spacemap_vtk.app.view import view3d
+
+    monkeypatch.setattr(library, "folder", lambda: coarse_library)
+    monkeypatch.setattr(view3d, "FINE_SAMPLES", 1)
     request.getfixturevalue("qapp").setApplicationName("spacemap")
     QSettings.setDefaultFormat(QSettings.Format.IniFormat)
     QSettings.setPath(QSettings.Format.IniFormat, QSettings.Scope.UserScope, str(tmp_path))

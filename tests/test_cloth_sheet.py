@@ -82,7 +82,7 @@ def test_a_sheet_has_the_mean_colours_of_its_yarns(
 
 
 def test_a_sheet_moves_with_its_cage(monkeypatch: pytest.MonkeyPatch) -> None:
-    fine, picture = draw(WEAVES["twill"], 480, 0.05, **MOVING, surface={"subdivisions": 1})
+    fine, picture = draw(WEAVES["twill"], 240, 0.05, **MOVING, surface={"subdivisions": 1})
     points = picture.scene.polygons.GetBounds()
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     afar, picture = draw(WEAVES["twill"], 96, 0.05, **MOVING)
@@ -205,9 +205,9 @@ def test_a_sheet_moves_with_a_carved_cage(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_visible_yarns_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
-    _, near = draw({}, 400)
+    _, near = draw({"ends": 32, "picks": 32}, 200)
     assert near.pieces is not None
-    _, given = draw({}, 90, surface={"subdivisions": 1})
+    _, given = draw({"ends": 8, "picks": 8}, 90, surface={"subdivisions": 1})
     assert given.sheet is None  # who says how many facets gets them
 
 

@@ -139,8 +139,9 @@ def test_only_the_beginning_of_a_very_long_draft_is_drawn(tmp_path: Path) -> Non
     assert scene.woven.cloth.size == (20, 320)
     np.testing.assert_array_equal(scene.woven.cloth.drawdown, whole[:320])
     assert image[:, :140].min() > 180  # beside the cloth
-    for word in ("weave.picks=3000", "view.camera=front"):
+    file.write_text("\n".join(to_rows(whole[:800])))
+    for word in ("weave.picks=800", "view.camera=front"):
         scene = Scene(values)
         scene.set(word)
         ordered(scene, (160, 160), tmp_path)
-        assert scene.woven.cloth.size == (20, 3000)
+        assert scene.woven.cloth.size == (20, 800)

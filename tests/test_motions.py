@@ -71,7 +71,9 @@ def run(*arguments: str) -> int:
 def test_storyboard_has_a_row_for_each_motion(tmp_path: Path) -> None:
     file = tmp_path / "board.png"
     board = ["storyboard", "swing", "--times", "0,0.3,1", "--size", "300x240", "-q"]
-    board += ["-o", str(file), "--set", "transient.tolerance=0.1"]
+    board += ["-o", str(file)]
+    for value in ("transient.tolerance=0.1", "cage.divisions=[10,2,1]"):
+        board += ["--set", value]
     assert run(*board, "--motions", "response,rotation,transient") == 0
     pixels = np.asarray(Image.open(file)).astype(int)
     rows = pixels[:240, -300:].reshape(3, 80, 3, 100, 3).swapaxes(1, 2)

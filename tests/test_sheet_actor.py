@@ -72,8 +72,8 @@ def tent_means(image: Image, block: int) -> Image:
 def test_a_pixel_shows_the_mean_of_its_yarns(
     pixels: float, most: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    weave = {**WEAVE, "ends": 40, "picks": 36}
-    size, fine = (round(40 * pixels), round(36 * pixels)), 2 * round(7 / pixels)
+    weave = {**WEAVE, "ends": 30, "picks": 24}
+    size, fine = (round(30 * pixels), round(24 * pixels)), 2 * round(7 / pixels)
     view = {"irregularity": 0.0, "shadows": True}
     large, seen = draw((fine * size[0], fine * size[1]), view, **weave)
     assert seen.sheet is None
@@ -111,16 +111,16 @@ DRAFTS = {
 def test_far_cloth_has_the_mean_colour_of_near_cloth(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    weave = {**DRAFTS[name], "ends": 40, "picks": 40}
+    weave = {**DRAFTS[name], "ends": 28, "picks": 28}
     weave["draft"] = str(library.folder() / weave["draft"])
-    near, seen = draw((480, 480), {"irregularity": 0.0, "shadows": True}, 5, **weave)
+    near, seen = draw((336, 336), {"irregularity": 0.0, "shadows": True}, 5, **weave)
     assert seen.sheet is None
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
-    far, seen = draw((40, 40), {"irregularity": 0.0, "shadows": True}, **weave)
+    far, seen = draw((28, 28), {"irregularity": 0.0, "shadows": True}, **weave)
     assert seen.sheet is not None
     means = [
         codes_of(light_of(image[edge:-edge, edge:-edge]).mean(axis=(0, 1)))
-        for image, edge in ((near, 144), (far, 12))
+        for image, edge in ((near, 72), (far, 6))
     ]
     np.testing.assert_allclose(means[1], means[0], atol=3.0)
 

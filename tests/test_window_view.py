@@ -22,7 +22,8 @@ from PySide6.QtWidgets import QLabel, QToolButton  # noqa: E402
 from vtkmodules.vtkFiltersSources import vtkConeSource  # noqa: E402
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper  # noqa: E402
 
-from spacemap_vtk.app.view import canvas  # noqa: E402
+from spacemap_vtk.app.view import canvas, view3d  # noqa: E402
+from spacemap_vtk.draw.actors.lighting import FINE_SAMPLES  # noqa: E402
 from spacemap_vtk.scenes.colorings import COLORINGS  # noqa: E402
 
 
@@ -44,11 +45,15 @@ def test_patched_fxaa_shader_draws_the_same_pixels(
     qtbot: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Plain(canvas.Canvas):
-        def _quicken(self) -> None:
+        def _patch_fxaa(self) -> None:
             self._fxaa_patched = True
+
+    # Kept until they are closed: otherwise the collector frees them, perhaps in another thread.
+    widgets = []
 
     def drawn(kind: type[canvas.Canvas], smooth: bool = True) -> np.ndarray:
         widget = kind(None)
+        widgets.append(widget)
         qtbot.addWidget(widget)
         widget.resize(160, 120)
         edges, mapper, actor = vtkConeSource(), vtkPolyDataMapper(), vtkActor()
@@ -64,6 +69,8 @@ def test_patched_fxaa_shader_draws_the_same_pixels(
     np.testing.assert_array_equal(drawn(canvas.Canvas), usual)
     monkeypatch.setattr(canvas, "_TEXEL", "what no driver compiles;\n")
     np.testing.assert_array_equal(drawn(canvas.Canvas), usual)
+    for widget in widgets:
+        widget.close()
 
 
 def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
@@ -188,6 +195,7 @@ def test_back_faces_of_yarns_are_not_drawn(open_scene: Any) -> None:
 def test_cut_yarn_is_solid(open_scene: Any, color: str) -> None:
     window = open_scene()
     view, look = window.view, window.view.scene_view.surface.GetProperty()
+    window.document.set("surface", "subdivisions", 6)
     window.document.set("view", "color", color)
     window.tools.clip.trigger()
     wait_until(lambda: settled(window) and view.scene_view.cut)
@@ -511,6 +519,7 @@ def test_text_about_a_picked_point_stays_when_the_camera_moves(open_scene: Any) 
 def test_view_and_exported_picture_have_the_same_fibres(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(view3d, "FINE_SAMPLES", FINE_SAMPLES)
     window = open_scene("twill_2_2")
     window.resize(*WIDE)
     view = window.view
@@ -531,7 +540,7 @@ def test_view_and_exported_picture_have_the_same_fibres(
         written = np.asarray(image)
     rough = [roughness(each) for each in (drawn, written)]
     assert rough[0] == pytest.approx(rough[1], rel=0.15)
-    monkeypatch.setattr("spacemap_vtk.app.view.view3d.FINE_SAMPLES", 1)
+    monkeypatch.setattr(view3d, "FINE_SAMPLES", 1)
     assert roughness(view.image()) < 0.8 * rough[1]
 
 

@@ -63,6 +63,7 @@ def main(picture: str) -> None:
     fits = window.width() <= room.width() and window.height() <= room.height()
     window.resize(1150, 640)
     window.start("plain_weave")
+    window.document.set("surface", "subdivisions", 2)
     window.show()
     window.tabs.setCurrentWidget(window.draft)
     window.splitter.setSizes([260, 500, 390])
