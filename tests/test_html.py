@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -152,7 +153,7 @@ def test_far_cloth_has_the_mean_colour_of_its_yarns_and_no_moire(tmp_path: Path)
     weave = {"pattern": "plain", "ends": 24, "picks": 24, **colors}
     scene, file = Scene({"weave": weave, "view": {"camera": "face"}}), tmp_path / "cloth.html"
     make_data_job(file, "moving", subdivisions=2).run(scene)
-    found = []
+    large, found = write_large_cloth(tmp_path), []
     with browser(160, 160) as page:
         page.open(file.as_uri())
         page.wait_until(OPEN)
@@ -162,10 +163,30 @@ def test_far_cloth_has_the_mean_colour_of_its_yarns_and_no_moire(tmp_path: Path)
             page.evaluate(f"spacemap.camera.distance *= {spacing} / {pixels}; 0")
             middle = slice(80 - half, 80 + half)
             found.append(read_canvas(page)[middle, middle].astype(np.uint8))
+        page.open(large.as_uri())
+        page.wait_until(OPEN)
+        figures = page.evaluate("document.querySelector('#figures').textContent")
+        assert figures.startswith("800 yarns")
+        assert (read_canvas(page) < 180).sum() > 400  # its sheet is drawn
+        assert page.complaints == []
     near, far = (to_linear_light(image).mean(axis=(0, 1)) for image in found)
     assert far == pytest.approx(near, abs=0.01)
     # Moiré is a slow change of brightness; yarns drawn one by one would change it by 4.
     assert found[1].mean(axis=2).reshape(4, 6, 4, 6).mean(axis=(1, 3)).std() < 1.0
+
+
+def write_large_cloth(folder: Path) -> Path:
+    """Write a page of a cloth that is too large to be written yarn by yarn."""
+    scene = Scene({"weave": {"pattern": "plain", "ends": 400, "picks": 400}})
+    file, messages = folder / "large.html", list[str]()
+    made = make_moving_surface(
+        scene, [0.0], None, lambda done, of: None, shaded=True, warn=messages.append
+    )
+    writer(file).write(file, made)
+    assert re.match("the cloth is written as a sheet.*--subdivisions 1", messages[0])
+    assert scene.surface.executions == 0  # no yarn was made
+    assert file.stat().st_size < 1e6
+    return file
 
 
 def test_colours_show_the_values_of_each_time(tmp_path: Path) -> None:

@@ -108,8 +108,8 @@ class FarCloth(NamedTuple):
     changes: NDArray[np.floating] | None
     #: Mean distance from yarn to yarn [m].
     spacing: float
-    #: Yarns closer than this number of pixels are not drawn one by one.
-    least_pixels: float
+    #: Yarns closer than this number of pixels are not drawn one by one; None: none is.
+    least_pixels: float | None
     #: Textures of bytes by the names that the shaders use, and the number of mip levels that the
     #: shaders use besides the textures; the colours are sRGB values.
     colors: Mapping[str, NDArray[np.uint8]]

@@ -60,7 +60,7 @@ from spacemap_vtk.ndarrays import (
 )
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.level_of_detail import DrawnCloth, sides_in_file
+from spacemap_vtk.scenes.level_of_detail import MANY_PATCHES, DrawnCloth, sides_in_file
 from spacemap_vtk.scenes.memory_estimates import frame_bytes, mesh_bytes, patch_bytes
 from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
@@ -118,9 +118,65 @@ def make_moving_surface(
 ) -> MovingSurface:
     """Return a scene's surface at the first of the times, with its motion over all of them."""
     warn = warn or scene.warn
-    options = span, max_bytes, numbers, strands, sides, warn, shaded
-    made = _make_moving_surface(scene, times, tolerance, report_progress, *options)
+    if shaded and sides == 0 and _has_too_many_yarns(scene, warn):
+        made = _make_sheet_surface(scene, times, tolerance, report_progress)
+    else:
+        options = span, max_bytes, numbers, strands, sides, warn, shaded
+        made = _make_moving_surface(scene, times, tolerance, report_progress, *options)
     return add_obstacles(made, scene, warn)
+
+
+def _has_too_many_yarns(scene: Scene, warn: MessageCallback) -> bool:
+    """Test whether a file had better show a cloth as a sheet; then also warn."""
+    cloth = DrawnCloth.from_scene(scene)
+    if cloth is None or COLORINGS[scene.view.color].shows_numbers:
+        return False
+    if cloth.patches <= MANY_PATCHES:
+        return False
+    warn(
+        f"the cloth is written as a sheet, which shows no round yarns near by, because "
+        f"{cloth.patches / 1e6:.1f} million patches would be slow to show; "
+        "--subdivisions 1 writes them all"
+    )
+    return True
+
+
+def _make_sheet_surface(
+    scene: Scene, times: Sequence[float], tolerance: float | None, report_progress: StepProgress
+) -> MovingSurface:
+    """Return a scene's cloth as a sheet without yarns: its points, but no triangles."""
+    report_progress(0, len(times))
+    times = times if scene.moves else times[:1]
+    recorder = FarClothRecorder(scene, len(times))
+    for number, time in enumerate(times):
+        recorder.record_at(number, time)
+        report_progress(number + 1, len(times))
+    tolerance = tolerance or _default_tolerance(scene)
+    found = find_morph_targets(recorder.displacements, tolerance)
+    far = recorder.make(found.weights)
+    count, weights = len(far.points), found.weights.astype(np.float32)
+    seconds = (np.array(times) - times[0]) / scene.animation.speed
+    clip = Clip("motion", seconds, weights, times[0], scene.animation.speed)
+    assert scene.woven is not None
+    about = {"scene": scene.title, "units": "m", "yarns": sum(scene.woven.cloth.size)}
+    moved = {"targets": len(far.targets), "tolerance": tolerance, "largest_error": found.error}
+    return MovingSurface(
+        scene.title,
+        far.points.astype(np.float32),
+        far.targets.astype(np.float32),
+        None,
+        None,
+        np.empty((0, 3), np.int64),
+        np.zeros((count, 3), np.uint8),
+        np.zeros(count, np.int64),
+        ["cloth"],
+        _initial_view(scene),
+        tolerance,
+        [f"shape {k}" for k in range(len(far.targets))],
+        [clip] if len(times) > 1 else [],
+        shading=make_shading(scene, far),
+        metadata={**about, **moved, "frames": len(times)},
+    )
 
 
 def _make_moving_surface(
@@ -244,7 +300,7 @@ def make_mode_surface(
     still, rows = _make_still_surface(scene, surface, max_bytes)
     if shaded:
         far = None if scene.woven is None else _record_modes(scene, cage, shapes, still)
-        still = replace(still, shading=make_shading(scene, surface, rows, far))
+        still = replace(still, shading=make_shading(scene, far, surface, rows))
     targets, normals = _surface_targets(scene, stage, shapes, still, rows, max_bytes, warn, cage)
     frequencies = [mode["frequency_hz"] for mode in figures]
     labels = [f"mode {k} {frequency:.4g} Hz" for k, frequency in enumerate(frequencies, 1)]
@@ -278,10 +334,9 @@ def _record_modes(
         moved = shallow_copy(cage)
         add_array(moved.GetPointData(), "displacement", center + shape)
         recorder.record(1 + number, moved)
-    halves = np.repeat(np.eye(len(shapes)), 2, axis=0)
-    halves[::2] *= 0.5
-    halves[1::2] *= -0.5
-    return recorder.make(np.concatenate([np.zeros((1, len(shapes))), halves]), still)
+    weights = np.zeros((1 + 2 * len(shapes), len(shapes)))
+    weights[1::2], weights[2::2] = np.eye(len(shapes)), -np.eye(len(shapes))
+    return recorder.make(weights, still)
 
 
 def _is_large(still: MovingSurface) -> bool:

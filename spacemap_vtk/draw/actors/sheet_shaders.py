@@ -33,7 +33,7 @@ TILE_LEVELS = 2
 _MOST_TEXELS = 400
 #: Largest number of texels of tiles that a pixel sums along each side.
 _MOST_TILE_TEXELS = 4.5
-#: Yarns wider than this number of pixels are drawn by their tiles.
+#: Yarns wider than this number of pixels are drawn by their tiles, at least in part.
 _TILED = 1.3
 
 
@@ -321,8 +321,11 @@ vec3 sheetLight(vec2 coordinates, vec3 hue)
   place += aside.x * right + aside.y * above_;
   vec2 reach = max(grain * sqrt(right * right + above_ * above_), vec2(1e-4));
   vec3 open_ = decoded(mix(mix(below, above, heightVS), hole.rgb, hole.a));
-  bool tiled = averaged == 0 && TILED * max(reach.x, reach.y) < 1.0;
-  return tiled ? tiledLight(place, reach, hue, open_)
-    : mixedLight(place, reach, hue, open_);
+  // Without a blend, an edge would show where obliquely viewed cloth loses the form of its yarns.
+  float far = averaged == 0 ? smoothstep(0.7, 1.0, TILED * max(reach.x, reach.y)) : 1.0;
+  vec3 light = vec3(0.0);
+  if (far < 1.0) light += (1.0 - far) * tiledLight(place, reach, hue, open_);
+  if (far > 0.0) light += far * mixedLight(place, reach, hue, open_);
+  return light;
 }
 """

@@ -38,7 +38,7 @@ from spacemap_vtk.textile.geometry.irregularity import Irregularity
 #: Largest number of cells along each side of the sheet.
 _MOST_CELLS = 96
 #: Largest error of the sheet between its vertices, in spacings of the yarns.
-_ERROR = 0.25
+_ERROR = 0.5
 #: Number of shapes of the sheet that are compared to choose its vertices.
 _COMPARED = 24
 #: Largest numbers of texels that a pixel sums, in all, and along each side of tiles. Browsers
@@ -76,11 +76,25 @@ class FarClothRecorder:
         moved = points_of(self._sheet.deform(cage))
         self._points[number] = moved.reshape(self._points.shape[1:])
 
-    def make(self, fit: AnyFloats, surface: MovingSurface) -> FarCloth:
-        """Return the sheet; targets are sums of the recorded changes times `fit`, (times, K)."""
+    def record_at(self, number: int, time: float) -> None:
+        """Record the sheet at a time [s] as that of time `number`, without making all yarns."""
+        self._points[number] = points_of(self._sheet.deform_at(time)).reshape(
+            self._points.shape[1:]
+        )
+
+    @property
+    def displacements(self) -> Singles:
+        """Displacements of all points since the first time, (T, n, 3)."""
+        return (self._points - self._points[0]).reshape(len(self._points), -1, 3)
+
+    def make(self, weights: AnyFloats, surface: MovingSurface | None = None) -> FarCloth:
+        """Return the sheet beside a surface, with a target for each of the weights, (T, K)."""
+        # Without a surface, the sheet shows the cloth from any distance.
         scene, cloth, cells = self._scene, self._sheet.cloth, self._sheet.cells
         drawn = DrawnCloth.from_scene(scene)
         assert drawn is not None
+        # Least squares over time; it is this simple because the weights are orthogonal.
+        fit = weights / np.maximum(np.square(weights).sum(axis=0), 1e-30)
         some = np.unique(np.linspace(0, len(self._points) - 1, _COMPARED).astype(int))
         shapes = self._points[some].transpose(1, 2, 0, 3).reshape(*self._points.shape[1:3], -1)
         count = fewest_cells(shapes / (_ERROR * drawn.spacing)) or max(cells)
@@ -91,7 +105,7 @@ class FarClothRecorder:
         textures = make_sheet_textures(cloth, color, None, style, None, style.occlusion)
         constants = sheet_constants(_MOST_TEXELS, _MOST_TILE_TEXELS)
         return FarCloth(
-            len(surface.triangles),
+            0 if surface is None else len(surface.triangles),
             columns / cells[0],
             rows / cells[1],
             kept[0],
@@ -99,7 +113,7 @@ class FarClothRecorder:
             values,
             changes,
             drawn.spacing,
-            max(SMALLEST_IN_WINDOW, drawn.least_pixels),
+            None if surface is None else max(SMALLEST_IN_WINDOW, drawn.least_pixels),
             textures.layers,
             LEVELS,
             {"tileNumbers": textures.tile_numbers, "tiles": textures.tables.tiles},
@@ -117,10 +131,14 @@ class FarClothRecorder:
 
 
 def make_shading(
-    scene: Scene, surface: vtkPolyData, rows: AnyInts, far: FarCloth | None
+    scene: Scene,
+    far: FarCloth | None,
+    surface: vtkPolyData | None = None,
+    rows: AnyInts | slice = slice(None),
 ) -> Shading:
-    """Return how pictures shade the points `rows` of a scene's surface."""
-    style, look = style_of(scene), surface.GetPointData().GetArray(LOOK)
+    """Return how pictures shade a scene's cloth as a sheet, and points `rows` of its surface."""
+    style = style_of(scene)
+    look = None if surface is None else surface.GetPointData().GetArray(LOOK)
     exposures = None
     if look is not None:
         shares = np.clip(vtk_to_numpy(look)[rows, 0], 0.0, 1.0)
@@ -128,9 +146,11 @@ def make_shading(
     return Shading(CODES + lighting_code(style), OUTLINE, exposures, far)
 
 
-def _numbers_at(points: Singles, surface: MovingSurface) -> tuple[Floats | None, Floats | None]:
+def _numbers_at(
+    points: Singles, surface: MovingSurface | None
+) -> tuple[Floats | None, Floats | None]:
     """Return the mean numbers of a surface, and of their changes, around points of a sheet."""
-    if surface.numbers is None:
+    if surface is None or surface.numbers is None:
         return None, None
     nearest = cKDTree(points).query(surface.points)[1]
     amounts = np.bincount(nearest, minlength=len(points))

@@ -148,12 +148,8 @@ class SurfaceRecorder(YarnRecorder):
         surface = replace(surface, curves=self.curves, numbers=self.numbers)
         if not self._shaded:
             return surface
-        far = None
-        if self._far is not None:
-            # Least squares over time; it is this simple because the weights are orthogonal.
-            fit = weights / np.maximum(np.square(weights).sum(axis=0), 1e-30)
-            far = self._far.make(fit, surface)
-        shading = make_shading(self._scene, self._scene.polygons, self._rows, far)
+        far = None if self._far is None else self._far.make(weights, surface)
+        shading = make_shading(self._scene, far, self._scene.polygons, self._rows)
         return replace(surface, shading=shading)
 
     @property

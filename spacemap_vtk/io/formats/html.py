@@ -195,6 +195,8 @@ def _page_figures(moving: MovingSurface, rounding: float) -> list[str]:
     found = [" × ".join(f"{length / size:.3g}" for length in lengths) + f" {unit}"]
     if moving.curves is not None:
         found.insert(0, f"{len(moving.curves.counts)} yarns")
+    elif "yarns" in moving.metadata:
+        found.insert(0, f"{moving.metadata['yarns']} yarns")
     if "largest_error" in moving.metadata:
         count, error = len(moving.targets), moving.metadata["largest_error"] + rounding
         near = format_quantity(error, "m", 2)
@@ -230,7 +232,7 @@ def _compress_arrays(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
 
     packer = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
     for values in arrays.values():
-        blocks, width = values.reshape(-1, *values.shape[-2:]), values.dtype.itemsize
+        blocks, width = values if values.ndim == 3 else values[None], values.dtype.itemsize
         for byte in range(width):
             for block in blocks:
                 unsigned = np.ascontiguousarray(block.T).view(f"<u{width}")

@@ -175,8 +175,8 @@ class Drawing {
     const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false });
     if (!gl) throw new Error("webgl2");
     Object.assign(this, { gl, content, arrays, count: arrays.points.length / 3 });
-    // Where the surface itself is not shaded, folds are darkened by their depth.
-    this.shades = content.sight.shadows && !arrays.exposures && gl.getExtension("EXT_color_buffer_float") !== null;
+    // Folds of anything but cloth, whose light is known, are darkened by their depth.
+    this.shades = content.sight.shadows && !content.far && gl.getExtension("EXT_color_buffer_float") !== null;
     this.surface = this.program(VERTEX, fragment(content), ["at"]);
     this.coarser = this.program(WHOLE, COARSER);
     this.blur = this.program(WHOLE, BLUR);
@@ -285,6 +285,7 @@ class Drawing {
   /** Return a camera together with the depth from which on cloth is a sheet, and what it shows. */
   choose(camera) {
     if (!this.far) return { ...camera, limit: Infinity, yarns: true, sheet: false };
+    if (this.content.far.leastPixels === null) return { ...camera, limit: -1e30, yarns: false, sheet: true };
     // Distance at which the yarns are as many pixels apart as they must be to be drawn one by one.
     const { spacing, leastPixels } = this.content.far, near = (spacing * camera.scale) / leastPixels;
     const limit = camera.flat ? (near < 1 ? -1e30 : 1e30) : near * camera.distance;
