@@ -60,7 +60,7 @@ from spacemap_vtk.ndarrays import (
 )
 from spacemap_vtk.parallel import blocks
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.level_of_detail import MANY_PATCHES, DrawnCloth, sides_in_file
+from spacemap_vtk.scenes.level_of_detail import FILE_POINTS, DrawnCloth, sides_in_file
 from spacemap_vtk.scenes.memory_estimates import frame_bytes, mesh_bytes, patch_bytes
 from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
@@ -131,7 +131,7 @@ def _has_too_many_yarns(scene: Scene, warn: MessageCallback) -> bool:
     cloth = DrawnCloth.from_scene(scene)
     if cloth is None or COLORINGS[scene.view.color].shows_numbers:
         return False
-    if cloth.patches <= MANY_PATCHES:
+    if cloth.patches <= FILE_POINTS:
         return False
     warn(
         f"the cloth is written as a sheet, which shows no round yarns near by, because "
