@@ -10,6 +10,7 @@ gets a halo from what lies far before it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import sqrt
 
 import numpy as np
@@ -98,8 +99,9 @@ class ClothExposure:
         # Between places on a round yarn, linear interpolation is below the yarn.
         height = places[:, 2] + _BULGE * self._half_height * facet**3 * face
         exposure = np.ones(len(places))
+        interpolate = _bilinear_interpolator(self._means[0][0].shape, index)
         for (slope, least), means in zip(self._scales, self._means, strict=True):
-            above, below = (_interpolate(mean, index) for mean in means)
+            above, below = (interpolate(mean) for mean in means)
             depth = upper * (above - height) + (1.0 - upper) * (below + height)
             exposure *= np.maximum(1.0 - slope * depth, least)
         exposure[cut] = 1.0
@@ -120,18 +122,21 @@ def _blur(image: Singles, sigmas: list[float]) -> Singles:
     return image
 
 
-def _interpolate(image: Singles, index: Floats) -> Floats:
-    """Interpolate an image bilinearly at (2, N) positions in it."""
-    last = np.array(image.shape)[:, None] - 1
+def _bilinear_interpolator(shape: tuple[int, int], index: Floats) -> Callable[[Singles], Floats]:
+    """Return a function that interpolates images of one shape at (2, N) positions in them."""
+    last = np.array(shape)[:, None] - 1
     index = np.clip(index, 0.0, last)
     low = np.minimum(index.astype(np.int64), last - 1)
-    (right, up), (row, column) = index - low, low
-    flat, place = image.ravel(), row * image.shape[1] + column
-    one, other = (
-        (1.0 - up) * flat[place + step] + up * flat[place + step + 1]
-        for step in (0, image.shape[1])
-    )
-    return np.asarray((1.0 - right) * one + right * other)
+    right, up = index - low
+    left, down = 1.0 - right, 1.0 - up
+    first = low[0] * shape[1] + low[1]
+    corners = [first + step for step in (0, 1, shape[1], shape[1] + 1)]
+
+    def interpolate(image: Singles) -> Floats:
+        one, two, three, four = (image.ravel()[corner] for corner in corners)
+        return left * (down * one + up * two) + right * (down * three + up * four)
+
+    return interpolate
 
 
 def _face_heights(cloth: Cloth, lines: list[Floats]) -> tuple[Singles, Singles]:
