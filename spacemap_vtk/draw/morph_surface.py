@@ -99,6 +99,8 @@ _SMALLER_FILE = {
     "tolerance": SMALLER_FILE_CURE,
     "modes": "Use fewer modes (modal.modes), or lower --subdivisions.",
 }
+#: Most crossings of a cloth that is written as a sheet: its textures have 16 bytes for each.
+_MOST_CROSSINGS = 4_000_000
 #: Normal of points without a normal.
 _DEFAULT_NORMAL = np.array([0.0, 0.0, 1.0], np.float32)
 
@@ -131,7 +133,7 @@ def _has_too_many_yarns(scene: Scene, warn: MessageCallback) -> bool:
     cloth = DrawnCloth.from_scene(scene)
     if cloth is None or COLORINGS[scene.view.color].shows_numbers:
         return False
-    if cloth.patches <= FILE_POINTS:
+    if cloth.patches <= FILE_POINTS or cloth.ends * cloth.picks > _MOST_CROSSINGS:
         return False
     warn(
         f"the cloth is written as a sheet, which shows no round yarns near by, because "

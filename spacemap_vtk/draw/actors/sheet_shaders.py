@@ -251,8 +251,8 @@ vec3 mixedLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
 // Light of the yarns around a place, by the tiles of its crossings.
 vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
 {
-  float longest = 2.0 * max(reach.x, reach.y) * float(TILE);
-  int level = int(clamp(ceil(log2(longest / MOST_TILE_TEXELS)), 0.0, TILE_LEVELS));
+  float texels = 2.0 * sqrt(reach.x * reach.y) * float(TILE);
+  int level = int(clamp(ceil(log2(texels / MOST_TILE_TEXELS)), 0.0, TILE_LEVELS));
   int side = TILE >> level;
   ivec2 last = ivec2(crossings) * side - 1;
   ivec2 first = clamp(ivec2(floor((place - reach) * float(side))), ivec2(0), last);
@@ -322,7 +322,7 @@ vec3 sheetLight(vec2 coordinates, vec3 hue)
   vec2 reach = max(grain * sqrt(right * right + above_ * above_), vec2(1e-4));
   vec3 open_ = decoded(mix(mix(below, above, heightVS), hole.rgb, hole.a));
   // Without a blend, an edge would show where obliquely viewed cloth loses the form of its yarns.
-  float far = averaged == 0 ? smoothstep(0.7, 1.0, TILED * max(reach.x, reach.y)) : 1.0;
+  float far = averaged == 0 ? smoothstep(0.7, 1.0, TILED * sqrt(reach.x * reach.y)) : 1.0;
   vec3 light = vec3(0.0);
   if (far < 1.0) light += (1.0 - far) * tiledLight(place, reach, hue, open_);
   if (far > 0.0) light += far * mixedLight(place, reach, hue, open_);
