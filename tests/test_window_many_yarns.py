@@ -47,8 +47,8 @@ def opened(open_window: Any, tmp_path: Path) -> Any:
     return show
 
 
-def test_cloth_with_eight_hundred_yarns_follows_the_time(opened: Any) -> None:
-    window = opened(800)
+def test_cloth_with_three_hundred_yarns_follows_the_time(opened: Any) -> None:
+    window = opened(300)
     frame = window.view.frame
     assert frame.cloth is not None
     assert not frame.coarse

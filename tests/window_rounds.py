@@ -1,6 +1,6 @@
 """Open and close the window many times, and print what is left behind; run by a test.
 
-In each round the window opens, draws a scene, shows every tab, and closes; in every fifth it is
+In each round the window opens, draws a scene, shows every tab, and closes; in every third it is
 edited and plots are computed too.
 """
 
@@ -71,7 +71,7 @@ def main(rounds: int) -> None:
     memory, objects, threads = [], [], []
     early: Counter[str] = Counter()
     for number in range(rounds):
-        one_round(app, scene, with_plots=number % 5 == 0)
+        one_round(app, scene, with_plots=number % 3 == 0)
         app.processEvents()
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
         gc.collect()
