@@ -22,6 +22,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk.draw.actors.lighting import BOUNCE, arriving_light, exposure_of
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Singles
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.partition import crop_cloth, representative_parts
@@ -68,7 +69,8 @@ class AppearanceTables(NamedTuple):
     views: Singles
     """For each view, the share of a crossing that each normal of the warp and of the weft fills,
     and the exposures of both, (views, NODES² + 1, 4). Views are ordered by face (front, back), tilt
-    and turn. The last column is the share that is open."""
+    and turn. The last column has the share that is open, 0, and for warp and weft the light with
+    reflections between white yarns over that of equal exposures."""
     tiles: NDArray[np.uint8]
     """Texture of the tiles, (rows, columns, 4): six blocks of rows, one above the other. First for
     warp and weft on the front, then on the back: normal and share. Then the exposures of these
@@ -121,13 +123,9 @@ class ClothAppearance:
                 face = self._row((0.0, 0.0, side))
                 rows += [face] * TURNS
                 for tilt in TILTS[1:]:
-                    turns = [(tilt, 360.0 * turn / TURNS, side) for turn in range(TURNS // 2)]
-                    half = [self._row(view) if tilted else face for view in turns]
-                    # From the opposite side, a cloth looks the same, turned by half a turn.
-                    rows += half
-                    for row, open_ in half:
-                        rows.append((row[:, ::-1], open_))
-            views = [np.concatenate([row.T, np.full((1, 4), open_)]) for row, open_ in rows]
+                    turns = [(tilt, 360.0 * turn / TURNS, side) for turn in range(TURNS)]
+                    rows += [self._row(view) if tilted else face for view in turns]
+            views = [row.T for row in rows]
             self._tables[tilted] = AppearanceTables(
                 np.stack(views).astype(np.float32), self._tiles()
             )
@@ -145,9 +143,9 @@ class ClothAppearance:
                 self._views[view] = [view_surface(self._tilted_facets, eye, _TILTED_PIXELS)]
         return self._views[view]
 
-    def _row(self, view: tuple[float, float, int]) -> tuple[Floats, float]:
-        """Return shares and exposures of normals, (4, NODES²), and the open share."""
-        tables = np.zeros((2, 4, NODES, NODES))
+    def _row(self, view: tuple[float, float, int]) -> Floats:
+        """Return a view as in `AppearanceTables`, (4, NODES² + 1)."""
+        tables = np.zeros((3, 4, NODES, NODES))
         on_top, open_, whole = np.zeros(2), 0.0, 0.0
         for number, visible in enumerate(self._visible(view)):
             weights, drawdown = self._weights[number], self._drawdowns[number]
@@ -163,10 +161,11 @@ class ClothAppearance:
             chosen = (family >= 0) & (weight > 0.0)
             x, y = _grid_places(visible.normals[chosen], view[2])
             amount = weight[chosen] / pixels
-            arrived = (1.0 - _SHADOWS * (1.0 - visible.exposure[chosen])) ** 2
+            arrived = arriving_light(visible.exposure[chosen], _SHADOWS)
+            bounced = arrived / (1.0 - BOUNCE * (1.0 - arrived))
             for i, j, share in _corners(x, y):
                 node = (layer[chosen] * NODES + j) * NODES + i
-                for table, factor in zip(tables, (1.0, arrived), strict=True):
+                for table, factor in zip(tables, (1.0, arrived, bounced), strict=True):
                     values = amount * share * factor
                     table += np.bincount(node, values, table.size).reshape(table.shape)
             open_ += float(weight[family < 0].sum()) / pixels
@@ -178,10 +177,14 @@ class ClothAppearance:
         parts = np.array([upper, 1.0 - upper, 1.0 - upper, upper])
         tables *= (parts / np.maximum(crossings, 1e-9))[:, None, None]
         tables = tables[:, :2] + tables[:, 2:]
-        # The exposure at which as much light arrives as at all of these.
-        mean = np.sqrt(tables[1] / np.maximum(tables[0], 1e-12))
-        tables[1] = np.where(tables[0] > 0.0, 1.0 - (1.0 - mean) / _SHADOWS, 1.0)
-        return tables.reshape(4, -1), open_ / whole
+        # The exposure at which as much light arrives as at all of these. With reflections between
+        # white yarns, unequal places together have less light than equal ones.
+        mean = np.where(tables[0] > 0.0, tables[1] / np.maximum(tables[0], 1e-12), 1.0)
+        equal = (tables[1] / (1.0 - BOUNCE * (1.0 - mean))).sum(axis=(1, 2))
+        unequal = tables[2].sum(axis=(1, 2)) / np.maximum(equal, 1e-12)
+        tables[1] = exposure_of(mean, _SHADOWS)
+        row = tables[:2].reshape(4, -1)
+        return np.column_stack([row, [open_ / whole, 0.0, *np.where(equal > 0.0, unequal, 1.0)]])
 
     def light_shares(self, side: int, shadows: bool) -> Singles:
         """Return how much light each local weave sends to the eye, (tiles, 2, 2 REACH + 1)."""
@@ -201,7 +204,7 @@ class ClothAppearance:
             shown = family >= 0
             own = np.take_along_axis(cell, np.maximum(family, 0)[:, None], axis=1)[:, 0]
             step = np.clip(yarn - own, -REACH, REACH) + REACH
-            arrived = (1.0 - _SHADOWS * (1.0 - visible.exposure[drawn])) ** 2
+            arrived = arriving_light(visible.exposure[drawn], _SHADOWS)
             for tile in tiles:
                 pixels += np.bincount(tile, minlength=self._tile_count)
                 place = ((2 * tile + family) * width + step)[shown]
@@ -219,12 +222,12 @@ class ClothAppearance:
         """Return the normals that are visible from the face, (n, 3), and their light, (n,)."""
         # The light that arrives at a normal is a share of that of all; without shadows, the sum
         # is 1.
-        face = self._row((0.0, 0.0, 1))[0]
+        face = self._row((0.0, 0.0, 1))[:, :-1]
         steps = np.linspace(-1.0, 1.0, NODES)
         y, x = np.meshgrid(steps * np.abs(steps), steps * np.abs(steps), indexing="ij")
         square = x**2 + y**2
         normals = np.stack([2.0 * x, 2.0 * y, 1.0 - square], axis=-1) / (1.0 + square)[..., None]
-        amounts = face[:2] * (1.0 - strength * (1.0 - face[2:])) ** 2
+        amounts = face[:2] * arriving_light(face[2:], strength)
         return normals.reshape(-1, 3), amounts.sum(axis=0) / face[:2].sum()
 
     def _tiles_of(self, number: int, visible: VisibleSurface) -> tuple[Bools, list[Ints]]:

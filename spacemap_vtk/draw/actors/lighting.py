@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.filters.patch_tessellator import LOOK, STRANDS
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.scenes.styles import Style
 
 #: Largest number of lamps of a style.
@@ -53,14 +53,19 @@ vec4 reflectedLight(vec3 n, vec3 eye)
   return vec4(received * (1.0 - gloss - rim), white);
 }
 
+// Share of the light that arrives at two exposures; shadows begin without an edge.
+vec2 openTo(vec2 exposure, float strength)
+{
+  vec2 hidden = clamp(1.0 - exposure, 0.0, 1.0);
+  vec2 open = 1.0 - strength * hidden * hidden * (1.0 + SOFT) / (hidden + SOFT);
+  return open * open;
+}
+
 // Light on a surface that is exposed to a part of its surroundings. Bright walls reflect light to
 // one another, so that gaps between them are less dark, and keep their colour.
 vec4 shadedLight(vec4 light, float exposure, vec3 hue)
 {
-  // Shadows begin without an edge.
-  float hidden = clamp(1.0 - exposure, 0.0, 1.0);
-  float open = 1.0 - shadows * hidden * hidden * (1.0 + SOFT) / (hidden + SOFT);
-  open *= open;
+  float open = openTo(vec2(exposure), shadows).x;
   return vec4(light.rgb * open / (1.0 - BOUNCE * hue * hue * (1.0 - open)), light.a * open);
 }
 
@@ -104,6 +109,19 @@ _FRAGMENT = f"""{_LINE}
   vec4 light = shadedLight(reflectedLight(normalVCVSOutput, eye), lookVSOutput.x, hue);
   gl_FragData[0] = vec4(visibleColor(hue, light, line), opacity);
 """
+
+
+def arriving_light(exposure: AnyFloats, strength: float) -> Floats:
+    """Return the share of the light that arrives at an exposure, as in `shadedLight`."""
+    hidden = np.clip(1.0 - np.asarray(exposure, dtype=np.float64), 0.0, 1.0)
+    return np.asarray((1.0 - strength * hidden**2 * (1.0 + SOFT) / (hidden + SOFT)) ** 2)
+
+
+def exposure_of(arrived: Floats, strength: float) -> Floats:
+    """Return the exposure at which this share of the light arrives."""
+    dark = (1.0 - np.sqrt(arrived)) / strength
+    hidden = (dark + np.sqrt(dark * (dark + 4.0 * SOFT * (1.0 + SOFT)))) / (2.0 * (1.0 + SOFT))
+    return np.asarray(1.0 - hidden)
 
 
 @lru_cache(32)

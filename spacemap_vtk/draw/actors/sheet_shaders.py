@@ -76,13 +76,6 @@ vec4 sharesOf(int column, int face, int rows, int left, int right, float aside, 
   return mix(mix(a, b, aside), mix(c, d, aside), steep);
 }
 
-// Share of the light that arrives at an exposure, as for yarns: see `shadedLight`.
-vec2 openTo(vec2 exposure)
-{
-  vec2 open = 1.0 - shaded * (1.0 - exposure);
-  return open * open;
-}
-
 // Light of the yarns at a vertex with a position relative to the eye and on the screen, and unit
 // vectors along warp and weft.
 void lightYarns(vec3 positionVC, vec4 place, vec3 warp, vec3 weft)
@@ -112,7 +105,7 @@ void lightYarns(vec3 positionVC, vec4 place, vec3 warp, vec3 weft)
     vec4 seen = sharesOf(node, face, rows, left, right, aside, steep);
     vec2 share = seen.xy;
     if (share + here.xy == vec2(0.0)) continue;
-    vec2 open = openTo(seen.zw);
+    vec2 open = openTo(seen.zw, shaded);
     vec2 t = 2.0 * vec2(node % NODES, node / NODES) / float(NODES - 1) - 1.0, p = t * abs(t);
     vec3 own = vec3(2.0 * p, 1.0 - dot(p, p)) / (1.0 + dot(p, p));
     vec4 light = reflectedLight(normalize(own.x * weft + own.y * warp + own.z * up), eye);
@@ -129,7 +122,7 @@ void lightYarns(vec3 positionVC, vec4 place, vec3 warp, vec3 weft)
     exposed += here.xy * here.zw;
   }
   coverGainVS = total / max(ofFace, 1e-3);
-  exposed = openTo(exposed / max(ofFace, 1e-6));
+  exposed = openTo(exposed / max(ofFace, 1e-6), shaded);
   for (int k = 0; k < 2; ++k)
   {
     lightVS[k] = sums[k] / max(total[k], 1e-6);
@@ -142,7 +135,9 @@ void lightYarns(vec3 positionVC, vec4 place, vec3 warp, vec3 weft)
     spreadVS[k] = sqrt(max(squares[k] / max(total[k], 1e-6) / (mean * mean) - 1.0, 0.0));
   }
   int last = NODES * NODES;
-  openVS.x = sharesOf(last, face, rows, left, right, aside, steep).x;
+  vec4 whole = sharesOf(last, face, rows, left, right, aside, steep);
+  bounceVS *= whole.zw;
+  openVS.x = whole.x;
   openVS.y = openVS.x / max(texelFetch(views, ivec2(last, face), 0).x, 1e-3);
   heightVS = 0.5 + 0.5 * place.y / place.w;
   warpVS = warp;
@@ -302,8 +297,7 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     if (share < 1e-4 * whole) continue;
     vec3 own = normals[k].xyz / share;
     vec4 light = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
-    float arrived = 1.0 - shaded * (1.0 - exposed[k] / share);
-    light *= arrived * arrived * vec4(vec3(gainVS[k]), whiteGainVS[k]);
+    light *= openTo(vec2(exposed[k] / share), shaded).x * vec4(vec3(gainVS[k]), whiteGainVS[k]);
     vec3 tone = hue * hueOf(encoded(colors[k] / share));
     light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), tone * tone);
     sum += share / whole * coverGainVS[k] * meanLight(tone, light, spreadVS[k] * blurred);
