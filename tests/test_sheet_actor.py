@@ -103,7 +103,7 @@ DRAFTS = {
     [
         "pattern weft",
         "double weave",
-        "satin",
+        pytest.param("satin", marks=pytest.mark.nightly),
         pytest.param("overshot", marks=pytest.mark.nightly),
         pytest.param("summer and winter", marks=pytest.mark.nightly),
     ],

@@ -83,7 +83,7 @@ def find_yarns(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
     ("widths", "size"),
     [
         ((300, 260, 640), (400, 300)),
-        ((200, 900, 100), (240, 480)),
+        pytest.param((200, 900, 100), (240, 480), marks=pytest.mark.nightly),
         pytest.param((300, 260, 640), (240, 480), marks=pytest.mark.nightly),
         pytest.param((200, 900, 100), (400, 300), marks=pytest.mark.nightly),
     ],
@@ -412,7 +412,7 @@ def test_failed_exports_are_reported(open_scene: Any, tmp_path: Path) -> None:
     ("kind", "name"),
     [
         ("surface", "x.vtp"),
-        ("film", "x.mp4"),
+        pytest.param("film", "x.mp4", marks=pytest.mark.nightly),
         pytest.param("picture", "x.png", marks=pytest.mark.nightly),
     ],
 )

@@ -208,7 +208,7 @@ def test_changing_a_load_keeps_the_comments_around_it(open_scene: Any) -> None:
     assert changed[0][1].endswith("# from behind")
 
 
-@pytest.mark.parametrize("scene", ["plain_weave", "gust"])
+@pytest.mark.parametrize("scene", ["plain_weave", pytest.param("gust", marks=pytest.mark.nightly)])
 def test_reset_restores_every_default(open_scene: Any, scene: str) -> None:
     window = open_scene(scene)
     for section in section_classes():

@@ -191,7 +191,7 @@ def test_back_faces_of_yarns_are_not_drawn(open_scene: Any) -> None:
     assert not look.GetBackfaceCulling()
 
 
-@pytest.mark.parametrize("color", ["own", "displacement"])
+@pytest.mark.parametrize("color", ["own", pytest.param("displacement", marks=pytest.mark.nightly)])
 def test_cut_yarn_is_solid(open_scene: Any, color: str) -> None:
     window = open_scene()
     view, look = window.view, window.view.scene_view.surface.GetProperty()

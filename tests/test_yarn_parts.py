@@ -55,7 +55,11 @@ def force_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         ("fabric", {"view": {"color": "clearance"}}),
         pytest.param("fabric", {"yarns": {}}, marks=pytest.mark.nightly),
         ("fabric", {"yarns": {}, "view": {"color": "crimp"}}),
-        ("fabric", {"yarns": {"modulus": "300 cN/tex", "inextensible": False}, "view": TENSION}),
+        pytest.param(
+            "fabric",
+            {"yarns": {"modulus": "300 cN/tex", "inextensible": False}, "view": TENSION},
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_pieces_give_the_same_picture_as_the_whole(
