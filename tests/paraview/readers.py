@@ -39,6 +39,7 @@ draft = simple.OpenDataFile(str(scenes / "32-shaft_twill.wif"))
 assert type(draft).__name__ == "WIFReader", draft
 # Thinner than the draft says, which warns of yarns that are too thick to interlace.
 draft.WarpDiameter = draft.WeftDiameter = "0.4 mm"
+draft.Ends = draft.Picks = 24
 draft.UpdatePipeline()
 assert draft.GetDataInformation().GetNumberOfCells() > 10_000
 

@@ -19,7 +19,7 @@ for path in plugin:
 # Texts are texts: only the plugin on the client's side makes them of numbers.
 weave = simple.WeaveSource(Ends=7 if here else "7", Picks="7")
 cage = simple.TetraCage(Input=weave, Divisions=[5, 5, 1], Order=2)
-modal = simple.ModalSolver(Input=cage, YoungsModulus=2e3, Modes=100)
+modal = simple.ModalSolver(Input=cage, YoungsModulus=2e3, Modes=40)
 response = simple.ModalResponse(Input=modal, Alpha="0", Gravity="0, 0, -1")
 warp = simple.BarycentricWarp(Input=weave, Cage=response)
 surface = simple.PatchTessellator(Input=warp)
@@ -74,6 +74,7 @@ else:
 
 # Files are the server's.
 reader = simple.OpenDataFile(draft)
+reader.Ends = reader.Picks = "12"
 reader.WarpDiameter = reader.WeftDiameter = "0.4 mm"
 reader.UpdatePipeline()
 assert reader.GetDataInformation().GetNumberOfCells() > 1000
