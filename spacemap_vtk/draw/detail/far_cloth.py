@@ -36,7 +36,7 @@ from spacemap_vtk.scenes.styles import Style
 from spacemap_vtk.textile.geometry.irregularity import Irregularity
 
 #: Largest number of cells along each side of the sheet.
-_MOST_CELLS = 96
+_MOST_CELLS = 64
 #: Largest error of the sheet between its vertices, in spacings of the yarns.
 _ERROR = 0.5
 #: Number of shapes of the sheet that are compared to choose its vertices.
