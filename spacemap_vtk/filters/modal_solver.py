@@ -163,6 +163,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         "them: if nothing else holds it, it first falls along its load until it touches one.",
         group="Hung",
     )
+    self_contact = Flag(
+        False,
+        "Keep layers of a sheet apart by its thickness where it folds onto itself, without "
+        "friction; needs the library ipctk.",
+        group="Hung",
+    )
     hang = Flag(
         True,
         "Let the cage hang under gravity and dead_loads, if they are given; otherwise it starts "
@@ -270,7 +276,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             density, layers = mass / sheet.thickness, 1.0
         linear = elements.shape[1] == 4
         terms = [energy_terms.make_term(recipe, vertices, elements) for recipe in self._terms]
-        recipes = [*self._terms, *self._obstacle_recipes(grid, material, sheet)]
+        recipes = [*self._terms, *self._contact_recipes(grid, material, sheet)]
         made = recipes[len(self._terms) :]
         terms += [energy_terms.make_term(recipe, vertices, elements) for recipe in made]
         data = vertices, elements, material, density, held, self.mass == "lumped"
@@ -309,11 +315,18 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if linear:
             self._warn_of_volume(model.elasticity)
 
-    def _obstacle_recipes(
+    def _contact_recipes(
         self, grid: vtkUnstructuredGrid, material: Floats | Plate, sheet: Layer | None
     ) -> list[dict[str, Any]]:
-        """Return the recipes of the obstacles' terms."""
-        if not self.obstacles:
+        """Return the recipes of the terms of obstacles, and of contact of the cage with itself."""
+        if self.self_contact and sheet is None:
+            raise InputError(
+                "only a sheet can touch itself",
+                key="self_contact",
+                value=True,
+                cure='Set elements = "sheet", or leave out self_contact.',
+            )
+        if not self.obstacles and not self.self_contact:
             return []
         if sheet is None:
             offset, cell = 0.0, _mean_edge(grid)
@@ -329,7 +342,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             "offset": offset,
             "sheet": sheet is not None,
         }
-        return [
+        recipes: list[dict[str, Any]] = [
             {
                 **common,
                 "body": obstacle.body,
@@ -338,6 +351,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             }
             for obstacle in self.obstacles
         ]
+        if self.self_contact:
+            stiffness = common["stiffness"]
+            recipes.append(
+                {"kind": "self-contact", "thickness": 2 * offset, "stiffness": stiffness}
+            )
+        return recipes
 
     def sheet_figures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
         """Return the figures of a cage that is a sheet, without solving anything.

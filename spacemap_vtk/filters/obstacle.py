@@ -22,6 +22,7 @@ from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.contact import obstacles as bodies
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.samples import sample_faces, sample_sheet
+from spacemap_vtk.mechanics.contact.self_contact import SelfContact
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import energy_term
 from spacemap_vtk.ndarrays import Floats, Ints
@@ -312,6 +313,16 @@ def _read_distance(file: str, state: tuple[int, ...]) -> tuple[Floats, Floats, f
         cache.store(key, values=values, origin=origin, spacing=np.array([spacing]))
         return values, origin, spacing
     return entry["values"], entry["origin"], float(entry["spacing"][0])
+
+
+@energy_term("self-contact")
+def _make_self_contact(
+    points: Floats, cells: Ints, *, thickness: float, stiffness: float
+) -> SelfContact:
+    """Make the term of a sheet that touches itself."""
+    surface = find_mid_surface(points, cells)
+    assert surface is not None
+    return SelfContact(points, surface, thickness, stiffness)
 
 
 @energy_term("obstacle")

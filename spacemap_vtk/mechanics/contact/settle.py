@@ -238,6 +238,7 @@ def _follow_limits(
     for _ in range(_MAX_BALANCING):
         if left <= MAX_RESIDUAL:
             return z
+        system.follow(z)
         try:
             solve = system.factorise_unsymmetric(system.add_shift(system.tangent(states)))
         except SolverError:

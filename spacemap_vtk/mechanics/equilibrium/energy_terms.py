@@ -134,6 +134,36 @@ class EnergyTerm(ABC):
         """
         return True
 
+    def passes(self, before: Floats, after: Floats) -> bool:
+        """Check whether the nodes may move straight from one place to another in a time step.
+
+        Parameters
+        ----------
+        before, after : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+
+        Returns
+        -------
+        bool
+            True by default.
+        """
+        return True
+
+    def follow(self, positions: Floats) -> bool:
+        """Let `nodes` follow the positions, if which nodes affect each other depends on them.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+
+        Returns
+        -------
+        bool
+            Whether `nodes` changed; False by default.
+        """
+        return False
+
     def resistance_matrices(self) -> Floats:
         """Compute matrices that are zero for motions which the term never resists.
 
@@ -369,6 +399,8 @@ class VertexTerm(EnergyTerm):
 
 def assemble_tangent(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
     """Assemble the second derivatives of all terms at the given positions, (3V, 3V)."""
+    for term in terms:
+        term.follow(positions)
     return assemble_blocks(
         [(term.nodes, term.tangent(positions)) for term in terms], positions.size
     )
@@ -380,7 +412,7 @@ def assemble_blocks(parts: Sequence[tuple[Ints, Floats]], size: int) -> csr_matr
 
     values, rows, columns = [], [], []
     for nodes, blocks in parts:
-        dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
+        dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 3 * nodes.shape[1])
         each = dof.shape[1]
         values.append(blocks.ravel())
         rows.append(np.repeat(dof, each, axis=1).ravel())

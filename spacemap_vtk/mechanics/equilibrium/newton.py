@@ -224,6 +224,7 @@ class _Search:
             if settled or self._removed_share < EXACT or self._expected_decrease <= EARLY * size:
                 self._removed_share = 0.0
             own = settled or self._must_descend
+            system.follow(self._z)
             matrix = system.tangent(states, None if own else self._predictions, self._removed_share)
             is_definite = self._removed_share == 1.0
             try:

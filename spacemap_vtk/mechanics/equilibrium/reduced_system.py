@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,14 @@ class ReducedSystem:
         #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
-        found = [reduction_entries(term.nodes, self.basis) for term in terms]
-        ends = np.cumsum([9 * term.nodes.size * term.nodes.shape[1] for term in terms])
+        self._entries = [reduction_entries(term.nodes, self.basis) for term in terms]
+        self._set_pattern()
+        self._order = self._analysis.order
+
+    def _set_pattern(self) -> None:
+        """Set the sparsity pattern of all tangents from the nodes of the terms."""
+        found = self._entries
+        ends = np.cumsum([9 * term.nodes.size * term.nodes.shape[1] for term in self.terms])
         self._entry = np.concatenate(
             [each[0] + first for each, first in zip(found, [0, *ends[:-1]], strict=True)]
         )
@@ -58,10 +65,23 @@ class ReducedSystem:
         keys, slots = np.unique(np.concatenate([each[2] for each in found]), return_inverse=True)
         self._slot, self._columns = slots.ravel(), keys % size
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size)
+        self.__dict__.pop("_analysis", None)
+
+    @cached_property
+    def _analysis(self) -> Analysis:
         # Rows with the same pattern, those of one vertex or pair, are eliminated together.
-        pattern = self._csr(np.ones(len(keys), dtype=np.int64))
-        names = pattern @ np.random.default_rng(0).integers(1 << 62, size=size)
-        self._analysis = Analysis(pattern, names)
+        pattern = self._csr(np.ones(len(self._columns), dtype=np.int64))
+        names = pattern @ np.random.default_rng(0).integers(1 << 62, size=self.basis.shape[1])
+        return Analysis(pattern, names)
+
+    def follow(self, z: Floats) -> bool:
+        """Let the pattern follow positions z, if nodes affect others there; whether it changed."""
+        changed = [number for number, term in enumerate(self.terms) if term.follow(z)]
+        for number in changed:
+            self._entries[number] = reduction_entries(self.terms[number].nodes, self.basis)
+        if changed:
+            self._set_pattern()
+        return bool(changed)
 
     def _csr(self, values: NDArray[Any]) -> sp.csr_matrix:
         size = self.basis.shape[1]
@@ -69,8 +89,8 @@ class ReducedSystem:
 
     @property
     def order(self) -> Ints:
-        """Coordinates in the order of elimination."""
-        return self._analysis.order
+        """Coordinates in the order of elimination, as for the first pattern."""
+        return self._order
 
     def pattern(self) -> sp.csr_matrix:
         """Make a matrix of ones with the sparsity pattern of every tangent."""

@@ -169,6 +169,8 @@ class MeshPencil(Pencil):
         nodes = Nodes(positions, places)
         if self.other_terms:
             # Negative curvature, such as that of an obstacle, holds nothing.
+            for term in self.other_terms:
+                term.follow(positions)
             states = [term.evaluate(positions) for term in self.other_terms]
             alike = [
                 (state.term.nodes, _normalise(state.tangent_at_rest(removed=1.0)))
@@ -337,6 +339,8 @@ def _normalise(blocks: Floats) -> Floats:
 
 def _assemble_at_rest(terms: Sequence[EnergyTerm], positions: Floats) -> csr_matrix:
     """Assemble the tangent of terms for vibrations about a state at rest."""
+    for term in terms:
+        term.follow(positions)
     parts = [(term.nodes, term.evaluate(positions).tangent_at_rest()) for term in terms]
     return assemble_blocks(parts, positions.size)
 

@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -179,6 +180,10 @@ class GaussIntegrator:
         self._driven = np.array(
             [not system.terms[k].conservative for k in self._others], dtype=bool
         )
+        #: Whether samples or layers can touch something.
+        self._touches = bool(self._own) or any(
+            type(term).follow is not EnergyTerm.follow for term in system.terms
+        )
         size = self.mass.shape[0]
         #: Matrix U of the equations above, (N, m).
         self.drag = np.empty((size, 0)) if drag is None else drag
@@ -259,6 +264,8 @@ class GaussIntegrator:
                 # The geometric stiffness uses the stress predicted by the last linear solution.
                 # The stress computed from its positions contains the spurious stretch of a
                 # linearised rotation. The static equilibrium does the same.
+                if self.system.follow(end):
+                    self._stage_system = _StageSystem(self.system, self.mass)
                 tangents = {number: each.tangent(end) for number, each in steps.items()}
                 solve = self._factorise(stages, stage_stress, between, factors, tangents, span)
                 if solve is None:
@@ -271,7 +278,7 @@ class GaussIntegrator:
             # The size of the step in the norm of a correction: A⁻² / h² has the determinant
             # (12 / h²)², so the moves weigh √12 / h.
             step_size = math.sqrt(float(np.vdot(moves, (self.mass @ moves.T).T))) * 12**0.5 / span
-            most = (CONTACT_GROWTH if steps else 1.0) * before
+            most = (CONTACT_GROWTH if self._touches else 1.0) * before
             if size > max(STALLED * step_size, most) or not math.isfinite(size):
                 if tangent_count == 0:  # the tangent of an earlier step no longer fits
                     kept, moves, size = None, moves - change, math.inf
@@ -523,6 +530,9 @@ class GaussIntegrator:
         if not all(step.admits(np.append(_TIMES, 1.0), nodal) for step in steps.values()):
             return False
         terms = [self.system.terms[number] for number in self._others]
+        path = [self._nodal(position), *nodal]
+        if not all(term.passes(a, b) for a, b in pairwise(path) for term in terms):
+            return False
         return all(term.admits(self.system.start, place) for term in terms for place in nodal)
 
     def _nodal(self, position: Floats) -> Floats:

@@ -24,6 +24,7 @@ from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
 from spacemap_vtk.mechanics.contact.obstacle_step import SteppedObstacle, begin_stepping
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.resting import obstacles_of
+from spacemap_vtk.mechanics.contact.self_contact import SelfContact
 from spacemap_vtk.mechanics.elements.strains import StrainState
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState, VertexTerm
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
@@ -178,6 +179,9 @@ class SteppedMotion(Motion):
             begin_stepping(term, first, next(moving)) if isinstance(term, ObstacleTerm) else term
             for term in pencil.terms
         ]
+        for term in terms:
+            if isinstance(term, SelfContact):
+                term.check_start(first)
         system = ReducedSystem([*terms, *followers], pencil.basis, start)
         #: Number of terms other than followers that do external work.
         self._driven_count = sum(not term.conservative for term in pencil.terms)

@@ -1,0 +1,300 @@
+"""Contact of a sheet with itself: a barrier between the triangles of its mid-surface.
+
+Parts of the mid-surface that come nearer than the thickness T plus the reach r push each other
+apart, with an energy that is infinite at the distance T (Li and others, Incremental potential
+contact, ACM Trans. Graph. 39 (2020) 49; library ``ipctk``). Nothing gets nearer than T: no move is
+made beyond the place where that would happen, as computed along the move.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError, MissingLibraryError
+from spacemap_vtk.mechanics.elements.shell import MidSurface
+from spacemap_vtk.mechanics.equilibrium.energy_terms import (
+    EnergyTerm,
+    PairedNodes,
+    TermState,
+    digest_of,
+)
+from spacemap_vtk.ndarrays import Floats, Ints
+
+#: Distance over which the barrier acts, as a share of the thickness.
+REACH = 0.5
+#: The tangent's pattern includes pairs of nodes that may come near within this share of a cell.
+_MARGIN = 0.125
+
+
+class SelfContact(EnergyTerm):
+    """Contact of a sheet with itself.
+
+    Parameters
+    ----------
+    points : ndarray of float64, shape (V, 3)
+        Vertices at rest [m].
+    surface : MidSurface
+        Mid-surface of the sheet.
+    thickness : float
+        Distance that stays between the mid-surfaces of layers [m].
+    stiffness : float
+        Stiffness of contact per area [N/m³].
+
+    Raises
+    ------
+    MissingLibraryError
+        If ``ipctk`` is not installed.
+    InputError
+        If the cells are not wider than the reach of contact.
+    """
+
+    def __init__(
+        self, points: Floats, surface: MidSurface, thickness: float, stiffness: float
+    ) -> None:
+        ipctk = load_library()
+        self._given = points, surface, thickness, stiffness
+        self._thickness, self._stiffness = thickness, stiffness
+        #: Pairs of vertices as which positions are given; None if these are mid-points.
+        self._pairs: Ints | None = surface.pairs
+        self._count = len(surface.pairs)
+        rest = np.asfortranarray(surface.to_nodes(points)[: self._count])
+        quads = surface.quads
+        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+        edges = np.asarray(ipctk.edges(faces), dtype=np.int32)
+        self._mesh = ipctk.CollisionMesh(rest, edges, faces)
+        self._edges, self._faces = edges, faces
+        self._reach = REACH * thickness
+        sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
+        if sides.min() <= thickness + self._reach:
+            raise InputError(
+                "the cells are narrower than contact reaches",
+                key="self_contact",
+                value=f"{sides.min():.3g} m",
+                allowed=f"above {thickness + self._reach:.3g} m",
+                cure="Use fewer divisions of the cage",
+            )
+        self._margin = _MARGIN * float(np.median(sides))
+        self._barrier = ipctk.BarrierPotential(self._reach, stiffness * self._reach, True)
+        #: Positions and candidates of the last broad search.
+        self._near: tuple[Floats, Any] | None = None
+        self._keys = np.empty(0, dtype=np.int64)
+        self.nodes = np.empty((0, 4), dtype=np.int64)
+
+    @property
+    def digest(self) -> str:
+        """Digest of thickness and stiffness; the mesh determines the rest."""
+        return digest_of("self-contact", self._thickness, self._stiffness)
+
+    def in_model_nodes(self, surface: PairedNodes | None, factor: float) -> SelfContact:
+        """Return the term of the sheet's mid-points, times a factor."""
+        points, own, thickness, stiffness = self._given
+        found = SelfContact(points, own, thickness, factor * stiffness)
+        found._pairs = None
+        found.nodes = np.empty((0, 2), dtype=np.int64)
+        return found
+
+    def evaluate(self, positions: Floats) -> _SelfContactState:
+        """Evaluate the collisions at the given positions."""
+        return _SelfContactState(self, positions)
+
+    def energy(self, positions: Floats) -> float:
+        """Compute the energy of the barrier [J]."""
+        middle = self._to_middle(positions)
+        return float(self._barrier(self._find_collisions(middle), self._mesh, middle))
+
+    def forces(self, positions: Floats) -> Floats:
+        """Compute the gradient of the energy [N], (V, 3)."""
+        return self.evaluate(positions).forces
+
+    def tangent(self, positions: Floats) -> Floats:
+        """Compute the second derivatives of the energy at the pairs of the pattern [N/m]."""
+        return self.evaluate(positions).tangent()
+
+    def follow(self, positions: Floats) -> bool:
+        """Add the pairs of nodes that may come near to the pattern of the tangent."""
+        middle = self._to_middle(positions)
+        if self._near is not None and self._is_near(middle):
+            return False
+        candidates = self._candidates(middle)
+        found = [self._keys]
+        for each in candidates.fv_candidates:
+            found.append(self._pair_keys([each.vertex_id, *self._faces[each.face_id]]))
+        for each in candidates.ee_candidates:
+            ends = [*self._edges[each.edge0_id], *self._edges[each.edge1_id]]
+            found.append(self._pair_keys(ends))
+        keys = np.unique(np.concatenate(found))
+        if len(keys) == len(self._keys):
+            return False
+        self._keys = keys
+        nodes = np.column_stack(np.divmod(keys, self._count))
+        self.nodes = nodes if self._pairs is None else self._pairs[nodes].reshape(len(nodes), -1)
+        return True
+
+    def largest_step(self, positions: Floats, move: Floats) -> float:
+        """Compute the largest step that leaves all layers farther apart than the thickness."""
+        start = self._to_middle(positions)
+        end = np.asfortranarray(start + self._to_middle(move))
+        free = self._free_share(start, end)
+        return np.inf if free >= 1.0 else 0.9 * free
+
+    def admits(self, start: Floats, positions: Floats) -> bool:
+        """Check that no layers cross."""
+        return not load_library().has_intersections(self._mesh, self._to_middle(positions))
+
+    def passes(self, before: Floats, after: Floats) -> bool:
+        """Check that layers stay farther apart than the thickness along a straight move."""
+        return self._free_share(self._to_middle(before), self._to_middle(after)) >= 1.0
+
+    def resistance_matrices(self) -> Floats:
+        """Return zeros: contact does not hold a sheet."""
+        size = 3 * self.nodes.shape[1]
+        return np.zeros((len(self.nodes), size, size))
+
+    def stiffness_products(self, positions: Floats, fields: Floats) -> Floats:
+        """Compute φᵀ K φ for each pair of fields."""
+        self.follow(positions)
+        return super().stiffness_products(positions, fields)
+
+    def check_start(self, positions: Floats) -> None:
+        """Refuse positions (V, 3) in which the sheet is nearer to itself than its thickness."""
+        middle = self._to_middle(positions)
+        ipctk = load_library()
+        collisions = ipctk.NormalCollisions()
+        collisions.build(self._mesh, middle, self._thickness)
+        worst, where = self._thickness, None
+        for k in range(len(collisions)):
+            each = collisions[k]
+            ids = [i for i in each.vertex_ids(self._edges, self._faces) if i >= 0]
+            dof = middle[ids].ravel()
+            distance = float(np.sqrt(each.compute_distance(dof)))
+            if distance < worst:
+                worst, where = distance, middle[ids].mean(axis=0)
+        if where is None and ipctk.has_intersections(self._mesh, middle):
+            raise InputError(
+                "the cage passes through itself",
+                key="self_contact",
+                value=True,
+                cure="Start from a state in which no layers cross, or leave out self_contact",
+            )
+        if where is not None:
+            place = ", ".join(f"{x:.4g}" for x in where)
+            raise InputError(
+                f"the cage overlaps itself at ({place}) m",
+                key="self_contact",
+                value=f"{worst:.3g} m",
+                allowed=f"at least {self._thickness:.3g} m between layers",
+                cure="Start from a state in which no layers overlap, or leave out self_contact",
+            )
+
+    def _to_middle(self, positions: Floats) -> Floats:
+        """Return the mid-points (n, 3) of nodal positions or moves, in columns."""
+        if self._pairs is None:
+            return np.asfortranarray(positions[: self._count])
+        return np.asfortranarray(positions[self._pairs].mean(axis=1))
+
+    def _find_collisions(self, middle: Floats) -> Any:
+        """Return the collisions at mid-points (n, 3)."""
+        found = load_library().NormalCollisions()
+        found.use_area_weighting = True
+        if self._near is not None and self._is_near(middle):
+            found.build(self._near[1], self._mesh, middle, self._reach, self._thickness)
+        else:
+            found.build(self._mesh, middle, self._reach, self._thickness)
+        return found
+
+    def _is_near(self, middle: Floats) -> bool:
+        assert self._near is not None
+        return bool(np.linalg.norm(middle - self._near[0], axis=1).max() <= self._margin)
+
+    def _candidates(self, middle: Floats) -> Any:
+        """Search for all that can come into reach within the margin, and keep it."""
+        found = load_library().Candidates()
+        found.build(self._mesh, middle, (self._reach + self._thickness) / 2 + self._margin)
+        self._near = middle.copy(order="F"), found
+        return found
+
+    def _free_share(self, start: Floats, end: Floats) -> float:
+        ipctk = load_library()
+        return float(
+            ipctk.compute_collision_free_stepsize(
+                self._mesh, start, end, self._thickness, None, ipctk.AdditiveCCD()
+            )
+        )
+
+    def _pair_keys(self, ids: list[int]) -> Ints:
+        first, second = np.triu_indices(len(ids))
+        given = np.sort(np.asarray(ids, dtype=np.int64))
+        return given[first] * self._count + given[second]
+
+
+class _SelfContactState(TermState):
+    """Contact of a sheet with itself at fixed positions."""
+
+    def __init__(self, term: SelfContact, positions: Floats) -> None:
+        super().__init__(term, positions)
+        self._contact = term
+        self._middle = term._to_middle(positions)
+        self._collisions = term._find_collisions(self._middle)
+
+    @property
+    def energy(self) -> float:
+        """Energy of the barrier [J]."""
+        return float(self._contact._barrier(self._collisions, self._contact._mesh, self._middle))
+
+    @property
+    def forces(self) -> Floats:
+        """Gradient of the energy [N], (V, 3)."""
+        term = self._contact
+        pull = term._barrier.gradient(self._collisions, term._mesh, self._middle).reshape(-1, 3)
+        result = np.zeros_like(self._positions)
+        if not np.isfinite(pull).all():  # beyond the barrier, where the energy is infinite
+            return result
+        if term._pairs is None:
+            result[: len(pull)] = pull
+        else:
+            result[term._pairs] = pull[:, None] / 2
+        return result
+
+    def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
+        """Compute the second derivatives at the pairs of nodes in the pattern."""
+        ipctk, term = load_library(), self._contact
+        given = self._collisions, term._mesh, self._middle
+        size = term.nodes.shape[1] * 3
+        blocks = np.zeros((len(term.nodes), size, size))
+        if not len(self._collisions) or not len(blocks):
+            return blocks
+        methods = ipctk.PSDProjectionMethod
+        matrix = term._barrier.hessian(*given, methods.CLAMP if removed else methods.NONE)
+        if 0.0 < removed < 1.0:
+            own = term._barrier.hessian(*given, methods.NONE)
+            matrix = removed * matrix + (1.0 - removed) * own
+        found = matrix.tobsr((3, 3))
+        rows = np.repeat(np.arange(term._count), np.diff(found.indptr))
+        upper = rows <= found.indices
+        keys = rows[upper] * term._count + found.indices[upper]
+        slots = np.searchsorted(term._keys, keys).clip(max=len(term._keys) - 1)
+        # What is outside of the pattern is left out: the forces remain exact.
+        known = term._keys[slots] == keys
+        data, slots = found.data[upper][known], slots[known]
+        diagonal = (rows[upper] == found.indices[upper])[known]
+        pair = np.zeros((len(blocks), 2, 3, 2, 3))
+        pair[slots[diagonal], 0, :, 0] = data[diagonal]
+        pair[slots[~diagonal], 0, :, 1] = data[~diagonal]
+        pair[slots[~diagonal], 1, :, 0] = data[~diagonal].swapaxes(1, 2)
+        if term._pairs is not None:
+            pair = np.repeat(np.repeat(pair, 2, axis=1), 2, axis=3) / 4
+        return pair.reshape(blocks.shape)
+
+
+def load_library() -> Any:
+    """Import ipctk, or raise MissingLibraryError."""
+    try:
+        import ipctk
+    except ImportError as error:
+        raise MissingLibraryError(
+            "contact of a sheet with itself needs ipctk",
+            cure="Install it with: pip install 'spacemap_vtk[contact]'",
+        ) from error
+    return ipctk
