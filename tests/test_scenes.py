@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import contact_scenes
 import hung_scenes
 import numpy as np
 import pytest
@@ -257,19 +258,23 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "lever_in_tetwild_cage": check_steel_lever,
     "tube_bundle": check_tube_bundle,
     **hung_scenes.CHECKS,
+    **contact_scenes.CHECKS,
 }
 
 
 #: Long scenes as they run in the gate: the same cloth with fewer yarns and cells, or longer steps.
 #: The nightly run takes them as they come with the program.
 SHORTER = {
+    "arm": ("cage.divisions=[12,12,1]", *half_the_yarns(55, 55, "5 mm")),
     "cantilever_test": half_the_yarns(40, 10, "2.5 mm"),
     "catenary": ("modal.modes=30", "cage.divisions=[40,4,1]", *half_the_yarns(50, 22, "40 mm")),
     "curtain": ("cage.divisions=[16,8,1]", *half_the_yarns(40, 50, "20 mm")),
+    "curtain_on_rod": ("cage.divisions=[4,40,1]", *half_the_yarns(50, 110, "5 mm")),
     "drape": ("cage.divisions=[16,20,1]", *half_the_yarns(40, 50, "15 mm")),
     "pennant": ("cage.divisions=[10,2,1]", *half_the_yarns(35, 10, "20 mm")),
     "squall": ("cage.divisions=[4,8,1]", *half_the_yarns(30, 40, "20 mm")),
     "let_go": ("cage.divisions=[4,12,1]", *half_the_yarns(20, 20, "20 mm")),
+    "tablecloth": ("cage.divisions=[20,20,1]", *half_the_yarns(75, 75, "4 mm")),
     "swing": ("cage.divisions=[10,2,1]", "transient.tolerance=0.01"),
 }
 

@@ -1,4 +1,4 @@
-"""Make the meshes of this folder: an animal as a scanner would see it, a lever, a bundle of tubes.
+"""Make the meshes of this folder: an animal as a scanner would see it, a lever, tubes, an arm.
 
     python scenes/objects/make.py
 
@@ -99,7 +99,36 @@ def tubes() -> pv.PolyData:
     return pv.merge(parts, merge_points=False)
 
 
+def arm() -> pv.PolyData:
+    """Return a bent arm of 0.4 m whose elbow is at the origin: cones that blend, and a fist."""
+    step = 0.006
+    low, high = np.array([-0.25, -0.07, -0.12]), np.array([0.26, 0.14, 0.06])
+    grid = np.meshgrid(
+        *(np.arange(a, b, step) for a, b in zip(low, high, strict=True)), indexing="ij"
+    )
+    points = np.stack(grid, axis=-1)
+    shoulder, elbow = np.array([-0.18, 0.05, -0.045]), np.zeros(3)
+    wrist, fist = np.array([0.17, 0.045, -0.005]), np.array([0.205, 0.055, -0.008])
+    distances = []
+    for begin, end, first, last in (
+        (shoulder, elbow, 0.046, 0.035),
+        (elbow, 0.3 * wrist, 0.035, 0.037),
+        (0.3 * wrist, wrist, 0.037, 0.023),
+        (wrist, fist, 0.026, 0.034),
+    ):
+        along = end - begin
+        share = np.clip((points - begin) @ along / (along @ along), 0, 1)
+        away = np.linalg.norm(points - begin - share[..., None] * along, axis=-1)
+        distances.append(away - first - share * (last - first))
+    blend = 0.006
+    field = -blend * np.log(np.exp(-np.stack(distances) / blend).sum(axis=0))
+    mesh = contour(field, low, step).smooth_taubin(n_iter=20)
+    mesh.clear_data()
+    return mesh
+
+
 if __name__ == "__main__":
     animal().save(HERE / "animal.ply", texture="RGB")
     lever().save(HERE / "lever.stl")
     tubes().save(HERE / "tubes.vtp")
+    arm().save(HERE / "arm.ply")

@@ -43,9 +43,10 @@ def digest_of(name: str) -> str:
     path = library.folder() / f"{name}.toml"
     tables = _parse_toml(path.read_text(encoding="utf-8"))
     digest = hashlib.sha256(json.dumps(tables, sort_keys=True).encode())
-    for table in tables.values():
+    records = [table for table in tables.values() if isinstance(table, dict)]
+    for table in [*records, *tables.get("modal", {}).get("obstacles", [])]:
         for key in ("draft", "file"):
-            if isinstance(table, dict) and key in table:
+            if key in table:
                 digest.update((path.parent / table[key]).read_bytes())
     return digest.hexdigest()[:32]
 

@@ -26,7 +26,14 @@ def names() -> list[str]:
 def names_by_kind() -> dict[str, list[str]]:
     """Return the names of the included scenes, grouped by what they show."""
     found: dict[str, list[str]] = {
-        kind: [] for kind in ("Weaves", "Moving cloth", "Hanging cloth", "Other objects")
+        kind: []
+        for kind in (
+            "Weaves",
+            "Moving cloth",
+            "Hanging cloth",
+            "Cloth on obstacles",
+            "Other objects",
+        )
     }
     for name in names():
         scene = tomllib.loads(find(name).read_text(encoding="utf-8"))
@@ -34,6 +41,8 @@ def names_by_kind() -> dict[str, list[str]]:
         kind = "Moving cloth" if moves else "Weaves"
         if "gravity" in scene.get("modal", {}):
             kind = "Hanging cloth"
+        if "obstacles" in scene.get("modal", {}):
+            kind = "Cloth on obstacles"
         if "weave" not in scene:
             kind = "Other objects"
         found[kind].append(name)
