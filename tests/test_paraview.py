@@ -73,7 +73,7 @@ def hang(file: Path) -> None:
 
 def test_scripts_in_one_session(tmp_path: Path) -> None:
     """The scripts share one session, because starting ParaView takes longer than each of them."""
-    proxies = len(FILTERS) + 2  # and two readers
+    proxies = len(FILTERS) + 3  # and two readers, and what shows obstacles
     hang(tmp_path / "hung.npz")
     cloth = {"ends": 2, "picks": 2}
     scene = Scene({"weave": cloth, "cage": {}, "modal": {"modes": 3}, "response": {}})
@@ -81,6 +81,7 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         make_data_job(tmp_path / name, times=[0.0, 0.1 / 3]).run(scene)
     make_data_job(tmp_path / "in_pieces.pvtp", times=[0.1 / 3], pieces=3).run(scene)
     scripts = {
+        "obstacles": ([], "a disc and a moving sphere, shown where they are\n"),
         "hung": ([tmp_path / "hung.npz"], "hung as in Python\n"),
         "behaviour": ([], "time, demand, windows, no leaks\n"),
         "declarations": ([], f"{proxies} proxies\n"),
