@@ -81,7 +81,7 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         make_data_job(tmp_path / name, times=[0.0, 0.1 / 3]).run(scene)
     make_data_job(tmp_path / "in_pieces.pvtp", times=[0.1 / 3], pieces=3).run(scene)
     scripts = {
-        "obstacles": ([], "a disc and a moving sphere, shown where they are\n"),
+        "obstacles": ([], "obstacles, shown where they are\n"),
         "hung": ([tmp_path / "hung.npz"], "hung as in Python\n"),
         "behaviour": ([], "time, demand, windows, no leaks\n"),
         "declarations": ([], f"{proxies} proxies\n"),

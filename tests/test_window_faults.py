@@ -190,7 +190,7 @@ def test_last_value_of_a_fast_drag_is_applied(qtbot: Any) -> None:
 def test_mouse_wheel_scrolls_without_changing_fields(open_scene: Any) -> None:
     window = open_scene("gust")
     window.stages.select("response")
-    assert isinstance(window.properties.rows["loads"].editor.cards[0].action, QComboBox)
+    assert isinstance(window.properties.rows["loads"].editor.cards[0].kind, QComboBox)
     for section in ("weave", "response", "view"):
         window.stages.select(section)
         page = window.properties

@@ -16,6 +16,8 @@ from PySide6.QtGui import QColor  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QColorDialog  # noqa: E402
 
+from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
+from spacemap_vtk.filters.obstacle import SHAPES  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.pipeline import section_classes  # noqa: E402
 
@@ -194,6 +196,34 @@ def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
         loads.cards[0].remove_button.click()
     assert window.document.scene.response.loads == ()
     wait_until(lambda: settled(window))
+
+
+def test_obstacles_have_cards_as_loads_have(open_scene: Any) -> None:
+    window = open_scene()
+    cards = editor(window, "modal", "obstacles")
+    for action in cards.add_button.menu().actions():
+        if action.data() != "mesh":
+            action.trigger()
+            wait_until(lambda: settled(window))
+            assert window.errors.text == ""
+    found = window.document.scene.modal.obstacles
+    assert [each.shape for each in found] == [s for s in SHAPES if s != "mesh"]
+    width = np.ptp(points_of(window.document.scene.cage.output), axis=0).max()
+    assert found[1].radius == pytest.approx(0.25 * width, rel=0.1)
+    assert window.view.scene_view.bodies.GetVisibility()
+    type_into(cards.cards[1].rows["friction"].editor.line, "0.4")
+    assert window.document.scene.modal.obstacles[1].friction == 0.4
+    # Another shape keeps place and friction; a displacement brings its time function.
+    box = cards.cards[1].kind
+    box.setCurrentIndex(box.findData("disc"))
+    box.activated.emit(box.currentIndex())
+    disc = window.document.scene.modal.obstacles[1]
+    assert (disc.shape, disc.center, disc.friction) == ("disc", found[1].center, 0.4)
+    while cards.cards:
+        cards.cards[0].remove_button.click()
+    wait_until(lambda: settled(window))
+    assert window.document.scene.modal.obstacles == ()
+    assert not window.view.scene_view.bodies.GetVisibility()
 
 
 def test_changing_a_load_keeps_the_comments_around_it(open_scene: Any) -> None:

@@ -186,7 +186,7 @@ def test_dead_load_can_be_added_and_has_no_time_function(open_scene: Any, strip:
     row.editor.add_button.menu().actions()[choices.index("pressure")].trigger()
     (card,) = row.editor.cards
     assert list(card.rows) == ["pressure", "on"]
-    assert [card.action.itemData(k) for k in range(card.action.count())] == list(DEAD_ACTIONS)
+    assert [card.kind.itemData(k) for k in range(card.kind.count())] == list(DEAD_ACTIONS)
     wait_until(lambda: settled(window) and (equilibrium(window) != before).any())
     assert window.errors.text == ""
     card.remove_button.click()

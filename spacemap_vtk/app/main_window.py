@@ -456,6 +456,7 @@ class MainWindow(QMainWindow):
             # Also while playing; only a drag can change the modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.set_angles(self.document.scene.stage("rotation") is not None)
+            self.properties.set_bounds(frame.surface.GetBounds())
             self.properties.show_results("modal", solver_results(frame.cage), frame.in_use)
         # If only the camera has moved, keep the text about a picked point.
         if not frame.coarse and _frame_key(frame) != self._pick_key:

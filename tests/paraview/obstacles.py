@@ -4,26 +4,23 @@ import numpy as np
 from paraview import simple
 from pipeline import bounds
 
-weave = simple.WeaveSource(Ends=8, Picks=8)
-cage = simple.TetraCage(Input=weave, Divisions=[6, 6, 1])
-modal = simple.ModalSolver(Input=cage, Elements="sheet", Fixed="", Modes=1)
+weave = simple.WeaveSource(Ends=8, Picks=4)
+cage = simple.TetraCage(Input=weave, Divisions=[6, 3, 1])
+modal = simple.ModalSolver(Input=cage, Elements="sheet", Fixed="-x", Modes=1)
 modal.Gravity = [0.0, 0.0, -9.80665]
-modal.TensileRigidity, modal.BendingRigidity, modal.ArealMass = "1 kN/m", "1e-3 uN.m", 0.15
-disc = '{shape = "disc", radius = "1 mm", height = "1 mm", center = [0, 0, "-1 mm"], friction = 0.3}'
-moving = (
-    '{shape = "sphere", radius = "0.5 mm", center = ["9 mm", 0, "-5 mm"], '
-    'displacement = [0, 0, "1 mm"], time = "ramp", rise = "1 s"}'
-)
-modal.Obstacles = f"[{disc}, {moving}]"
+modal.TensileRigidity, modal.BendingRigidity, modal.ArealMass = "200 N/m", "1e-3 uN.m", 0.15
+ground = '{shape = "plane", center = [0, 0, "-0.5 mm"]}'
+moving = '{shape = "sphere", radius = "0.5 mm", center = ["9 mm", 0, "-5 mm"], '
+moving += 'displacement = [0, 0, "1 mm"], rise = "20 ms"}'
+modal.Obstacles = f"[{ground}, {moving}]"
 surfaces = simple.ObstacleSurfaces(Input=modal)
 surfaces.UpdatePipeline()
-expected = (-1e-3, 9.5e-3, -1e-3, 1e-3, -5.5e-3, -1e-3)
-np.testing.assert_allclose(bounds(surfaces), expected, atol=2e-6)
+np.testing.assert_allclose(np.array(bounds(surfaces))[[1, 4, 5]], (9.5e-3, -5.5e-3, -5e-4))
 assert surfaces.GetDataInformation().GetCellDataInformation().GetArrayInformation("obstacle")
-report = modal.GetClientSideObject().output.GetFieldData().GetArray("contact_force")
-assert report.GetTuple3(0)[2] < 0.0
-stepped = simple.TransientResponse(Input=modal, Duration=0.5)
+force = modal.GetClientSideObject().output.GetFieldData().GetArray("contact_force")
+assert force.GetTuple3(0)[2] < 0.0
+stepped = simple.TransientResponse(Input=modal, Duration=0.02, Tolerance=1.0)
 surfaces = simple.ObstacleSurfaces(Input=stepped)
-surfaces.UpdatePipeline(0.5)
-assert abs(bounds(surfaces)[4] + 5e-3) < 2e-6, bounds(surfaces)  # half the way up
-print("a disc and a moving sphere, shown where they are")
+surfaces.UpdatePipeline(0.01)
+np.testing.assert_allclose(bounds(surfaces)[4], -5e-3)  # half the way up
+print("obstacles, shown where they are")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -15,12 +15,14 @@ from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.fields.basic_editors import FileEditor
 from spacemap_vtk.app.fields.editor import Editor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
+from spacemap_vtk.app.fields.obstacles_editor import ObstaclesEditor
 from spacemap_vtk.app.fields.parameter_info import automatic_values, feasible_intervals, idle_reason
 from spacemap_vtk.app.fields.parameter_row import ParameterRow, RowGroup, RowPair, make_editor
 from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.load import Loads
+from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.flat_picture import picture_size
@@ -85,6 +87,8 @@ class Properties(QScrollArea):
         self._results: dict[str, dict[str, Any]] = {}
         #: Values that the last run used for automatic parameters, by section and name.
         self._in_use: dict[str, Mapping[str, Any]] = {}
+        #: Bounds of the object [m], see `set_bounds`.
+        self._bounds: tuple[float, ...] = (-0.05, 0.05) * 3
         self._next_limits = 0.0
         #: The last settings of which feasible intervals were computed, and these intervals.
         self._feasible: deque[tuple[dict[str, Any], dict[str, tuple[float, float]]]] = deque(
@@ -178,6 +182,13 @@ class Properties(QScrollArea):
         """The values of the section that are written in the scene file."""
         return self._document.values.get(self.section, {})
 
+    def set_bounds(self, bounds: Sequence[float]) -> None:
+        """Set the bounds of the object [m], to which new obstacles are fitted."""
+        self._bounds = tuple(bounds)
+        for row in self.rows.values():
+            if isinstance(row.editor, ObstaclesEditor):
+                row.editor.set_bounds(bounds)
+
     def _show_value(self, row: ParameterRow) -> None:
         name = row.parameter.name
         row.show_value(getattr(self._part, name), name not in self._scene_values)
@@ -185,10 +196,15 @@ class Properties(QScrollArea):
     def _make_row(
         self, page: Page, parameter: Parameter[Any], half_label: str = ""
     ) -> ParameterRow:
-        # The editor of loads is made here, not by `make_editor`, because it contains rows.
-        editor: Editor = (
-            LoadsEditor(parameter) if isinstance(parameter, Loads) else make_editor(parameter)
-        )
+        # Editors of records are made here, not by `make_editor`, because they contain rows.
+        editor: Editor
+        if isinstance(parameter, Loads):
+            editor = LoadsEditor(parameter)
+        elif isinstance(parameter, Obstacles):
+            editor = ObstaclesEditor(parameter)
+            editor.set_bounds(self._bounds)
+        else:
+            editor = make_editor(parameter)
         if isinstance(editor, FileEditor):
             editor.display_name = self._document.display_name
         row = ParameterRow(parameter, editor, half_label)
