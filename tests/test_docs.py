@@ -15,7 +15,10 @@ from spacemap_vtk.scenes.scene import Scene
 
 GUIDES = Path(__file__).parents[1] / "docs" / "how-to"
 #: Guides whose commands and scenes are all run.
-RUN = ("choose_a_material", "support_load_and_damp", "hang_cloth", "move_far")
+RUN = (
+    *("choose_a_material", "support_load_and_damp", "hang_cloth", "move_far"),
+    "let_cloth_meet_things",
+)
 TEXT = "\n".join((GUIDES / f"{name}.md").read_text("utf-8") for name in RUN)
 PLANS = (GUIDES / "plan_a_project.md").read_text("utf-8")
 

@@ -26,6 +26,8 @@ from spacemap_vtk.mechanics.contact.surfaces import (
     plane_surface,
     turned_surface,
 )
+from spacemap_vtk.scenes.figure_list import contact_figures
+from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
 
 SIZE, EDGE = (1.0, 0.8, 0.6), 0.1
@@ -194,3 +196,14 @@ def test_surfaces_of_obstacles_are_written_by_themselves(tmp_path: Path) -> None
     scene = Scene({"weave": {"ends": 2, "picks": 2}, "response": {}})
     with pytest.raises(InputError, match="the scene has no obstacles"):
         make_data_job(file, "obstacles").run(scene)
+
+
+def test_the_report_says_that_friction_depends_on_the_path() -> None:
+    for friction, sticks in ((0.3, True), (0.0, False)):
+        scene = table()
+        disc, plane = TABLE["modal"]["obstacles"]
+        scene.assign("modal", "fixed", "box(-1 mm, 1 mm, -1 mm, 1 mm, -1, 1)")
+        scene.assign("modal", "obstacles", [{**disc, "friction": friction}, plane])
+        figures = {each.key: each for each in contact_figures(report_modes(scene)["contact"])}
+        assert ("contact_path" in figures) == sticks
+        assert figures["contact_1"].text == "none, nothing touches it"

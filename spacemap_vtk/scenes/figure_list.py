@@ -247,7 +247,13 @@ def contact_figures(contact: list[dict[str, Any]]) -> list[Figure]:
             f"{each['sliding']} of them at the limit of friction, "
             f"up to {format_quantity(each['penetration'], 'm', 2)} deep"
         )
+        if not each["points"]:
+            text = "none, nothing touches it"
         found.append(Figure(f"contact_{number}", f"force on obstacle {number}", text, force, "N"))
+    sticking = sum(each["points"] - each["sliding"] for each in contact)
+    if sticking:
+        text = f"{sticking} points stick where they first touched; another path may end elsewhere"
+        found.append(Figure("contact_path", "friction", text, sticking))
     return found
 
 
