@@ -15,8 +15,10 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtGui import QColor  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QColorDialog  # noqa: E402
+from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: E402
 
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
+from spacemap_vtk.datasets.modal_model import contact_of  # noqa: E402
 from spacemap_vtk.filters.obstacle import SHAPES  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.pipeline import section_classes  # noqa: E402
@@ -224,6 +226,24 @@ def test_obstacles_have_cards_as_loads_have(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
     assert window.document.scene.modal.obstacles == ()
     assert not window.view.scene_view.bodies.GetVisibility()
+
+
+def test_drop_lets_go_of_the_supports(open_scene: Any) -> None:
+    window = open_scene()
+    assert not window.tools.drop.isEnabled()
+    window.document.set_many("cage", {"divisions": [3, 3, 1]})
+    window.document.set("modal", "elements", "sheet")
+    ground = [{"shape": "plane", "center": [0, 0, "-1 mm"], "friction": 0.3}]
+    window.document.set_many("modal", {"obstacles": ground, "gravity": [0, 0, -9.81]})
+    wait_until(lambda: settled(window))
+    assert window.tools.drop.isEnabled()
+    window.tools.drop.trigger()
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""
+    assert window.document.scene.modal.fixed == ()
+    (contact,) = contact_of(window.view.frame.cage)
+    weight = 9.81 * vtk_to_numpy(window.view.frame.cage.GetPointData().GetArray("nodal_mass")).sum()
+    assert np.linalg.norm(contact.force) == pytest.approx(weight, rel=0.01)
 
 
 def test_changing_a_load_keeps_the_comments_around_it(open_scene: Any) -> None:

@@ -304,6 +304,7 @@ class MainWindow(QMainWindow):
         self.tools.setting_changed.connect(self._set_view)
         self.tools.background_chosen.connect(self._set_background)
         self.tools.hang_toggled.connect(self._set_hanging)
+        self.tools.drop_asked.connect(self._drop)
         self.tools.clip_changed.connect(self._set_clip_plane)
         self.tools.keys.thickness_changed.connect(self._change_thickness)
         # Queued, because the mouse still holds the plane when the signal is emitted.
@@ -384,13 +385,24 @@ class MainWindow(QMainWindow):
         self.stages.show_boxes(self.document.scene)  # the switch may have been refused
 
     def _set_hanging(self, on: bool) -> None:
+        written = self._hanging_values if on else {"hang": False}
+        self._try_change(partial(self.document.set_many, name="hang"), "modal", written)
+
+    def _drop(self) -> None:
+        """Let go of the supports, so that the cage falls onto its obstacles."""
+        written = {**self._hanging_values, "fixed": ""}
+        self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
+
+    @property
+    def _hanging_values(self) -> dict[str, Any]:
+        """Values with which the cage hangs; gravity if there is no other load."""
         modal, response = self.document.scene.modal, self.document.scene.response
-        written: dict[str, Any] = {"hang": None if on else False}
-        if on and not (any(modal.gravity) or modal.dead_loads):
+        written: dict[str, Any] = {"hang": None}
+        if not (any(modal.gravity) or modal.dead_loads):
             values = self.view.frame.in_use if self.view.frame else {}
             gravity = response.gravity or values.get("response", {}).get("gravity", DOWN)
             written["gravity"] = list(gravity if any(gravity) else DOWN)
-        self._try_change(partial(self.document.set_many, name="hang"), "modal", written)
+        return written
 
     def _set_clip_plane(
         self, normal: Sequence[float] | None, origin: Sequence[float] | None

@@ -122,7 +122,7 @@ class Menus(QObject):
         self._add_action(menu, "Previous frame", ",", times.step_back)
         self._add_action(menu, "Next frame", ".", times.step_forward)
         menu = self._add_menu("&View")
-        menu.addActions([*tools.part_actions.values()])
+        menu.addActions([*tools.part_actions.values(), tools.drop])
         menu.addSeparator()
         for name, choices in (
             ("Lines and points", tools.keys.appearance_actions),

@@ -58,6 +58,7 @@ class ViewBar(QToolBar):
     background_chosen = Signal(object, object)
     #: Whether the motion shall start from the equilibrium under the loads.
     hang_toggled = Signal(bool)
+    drop_asked = Signal()
     #: Normal and origin of the clip plane; None for no plane, or for an automatic origin.
     clip_changed = Signal(object, object)
 
@@ -93,6 +94,9 @@ class ViewBar(QToolBar):
         tip = "Start the motion from the equilibrium under gravity and dead loads (H)"
         self.hang = action(self, "Hang", self.hang_toggled, "H", tip, checkable=True)
         self.addAction(self.hang)
+        tip = "Let go of the supports: the cage falls onto its obstacles and settles (Shift+H)"
+        #: Only in the menu, as the bar has no room.
+        self.drop = action(self, "Drop", lambda _: self.drop_asked.emit(), "Shift+H", tip)
         # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
         # if there is room.
         self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
@@ -224,6 +228,7 @@ class ViewBar(QToolBar):
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.is_hung)
         self.hang.setEnabled(solved or not scene.moves)
+        self.drop.setEnabled(solved and bool(scene.modal.obstacles))
 
     @property
     def all_actions(self) -> list[QAction]:
@@ -231,6 +236,7 @@ class ViewBar(QToolBar):
         return [
             *self.part_actions.values(),
             self.hang,
+            self.drop,
             *self.camera_actions,
             *self.keys.camera_actions,
             *self.keys.appearance_actions,
