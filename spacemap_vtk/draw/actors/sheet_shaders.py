@@ -37,19 +37,16 @@ _MOST_TILE_TEXELS = 4.5
 _TILED = 1.3
 
 
-def sheet_constants(
-    most_texels: int = _MOST_TEXELS, most_tile_texels: float = _MOST_TILE_TEXELS
-) -> str:
+def sheet_constants(most_texels: int = _MOST_TEXELS) -> str:
     """Return the constants of the shaders; a pixel sums at most so many texels."""
-    # `most_tile_texels` is the number along each side, for texels of tiles. Beyond these numbers,
-    # the next coarser mip level is used.
+    # Beyond this number, the next coarser mip level is used.
     tilts = ", ".join(f"{np.radians(tilt):.6f}" for tilt in TILTS)
     return f"""
 const int NODES = {NODES}, TURNS = {TURNS}, TILTS = {len(TILTS)};
 const float TILT[TILTS] = float[TILTS]({tilts});
 const float LEVELS = {float(LEVELS)}, MOST_TEXELS = {float(most_texels)};
 const int TILE = {TILE}, TILES_IN_ROW = {TILES_IN_ROW};
-const float MOST_TILE_TEXELS = {float(most_tile_texels)}, TILED = {_TILED};
+const float MOST_TILE_TEXELS = {_MOST_TILE_TEXELS}, TILED = {_TILED};
 const float TILE_LEVELS = {float(TILE_LEVELS)};
 const float MOST_LIGHT = {MOST_LIGHT};
 """

@@ -41,10 +41,8 @@ _MOST_CELLS = 64
 _ERROR = 0.5
 #: Number of shapes of the sheet that are compared to choose its vertices.
 _COMPARED = 24
-#: Largest numbers of texels that a pixel sums, in all, and along each side of tiles. Browsers
-#: without a graphics card are slow.
+#: Largest number of texels that a pixel sums. Browsers without a graphics card are slow.
 _MOST_TEXELS = 36
-_MOST_TILE_TEXELS = 2.6
 
 
 def style_of(scene: Scene) -> Style:
@@ -103,7 +101,7 @@ class FarClothRecorder:
         values, changes = _numbers_at(kept[0], surface)
         style, color = style_of(scene), scene.view.color
         textures = make_sheet_textures(cloth, color, None, style, None, style.occlusion)
-        constants = sheet_constants(_MOST_TEXELS, _MOST_TILE_TEXELS)
+        constants = sheet_constants(_MOST_TEXELS)
         return FarCloth(
             0 if surface is None else len(surface.triangles),
             columns / cells[0],

@@ -2,6 +2,7 @@
 // Folds are darkened afterwards, by the depth of their surroundings.
 
 const ACROSS = 2048; // texels in a row of the shapes' textures; every WebGL 2 supports this
+const FINEST = 3; // pixels from yarn to yarn: finer yarns cause moiré
 
 const VERTEX = `#version 300 es
 precision highp float; precision highp int;
@@ -285,13 +286,14 @@ class Drawing {
   /** Return a camera together with the depth from which on cloth is a sheet, and what it shows. */
   choose(camera) {
     if (!this.far) return { ...camera, limit: Infinity, yarns: true, sheet: false };
-    if (this.content.far.leastPixels === null) return { ...camera, limit: -1e30, yarns: false, sheet: true };
-    // Distance at which the yarns are as many pixels apart as they must be to be drawn one by one.
-    const { spacing, leastPixels } = this.content.far, near = (spacing * camera.scale) / leastPixels;
-    const limit = camera.flat ? (near < 1 ? -1e30 : 1e30) : near * camera.distance;
+    const { spacing, leastPixels } = this.content.far, { flat } = camera;
     const [nearest, farthest] = this.far.depths(camera);
-    const yarns = nearest < limit;
-    return { ...camera, limit, yarns, sheet: farthest > limit || !yarns };
+    // Pixels from yarn to yarn, times the depth if near things look larger.
+    const reach = spacing * camera.scale * (flat ? 1 : camera.distance);
+    const yarns = leastPixels !== null && reach >= leastPixels * (flat ? 1 : nearest);
+    // An edge between yarns and sheet would show, so yarns that go far back become finer first.
+    const limit = !yarns ? -1e30 : flat ? 1e30 : reach / FINEST;
+    return { ...camera, limit, yarns, sheet: farthest > limit };
   }
 
   /** Use the surface's program, and set all of its uniforms except those of the camera. */

@@ -131,17 +131,20 @@ class FarCloth {
     }
   }
 
-  /** Return the least and the largest depth of the points in a camera's view. */
+  /** Return the least and the largest depth of the points in a camera's view; of all if none is. */
   depths({ eye, lens, flat }) {
-    const { places } = this, found = [Infinity, -Infinity];
+    const { places } = this, found = [Infinity, -Infinity], all = [Infinity, -Infinity];
+    const widen = (range, depth) => {
+      range[0] = Math.min(range[0], depth);
+      range[1] = Math.max(range[1], depth);
+    };
     for (let i = 0; i < places.length; i += 3) {
       const [x, y, z] = [0, 1, 2].map((k) => eye[k] * places[i] + eye[4 + k] * places[i + 1] + eye[8 + k] * places[i + 2] + eye[12 + k]);
-      const w = flat ? 1 : -z, beyond = 1.2 * Math.abs(w);
-      if (Math.abs(lens[0] * x + lens[8] * z + lens[12]) > beyond || Math.abs(lens[5] * y + lens[9] * z + lens[13]) > beyond) continue;
-      if (-z < found[0]) found[0] = -z;
-      if (-z > found[1]) found[1] = -z;
+      const beyond = flat ? 1.2 : 1.2 * Math.abs(z);
+      widen(all, -z);
+      if (Math.abs(lens[0] * x + lens[8] * z + lens[12]) <= beyond && Math.abs(lens[5] * y + lens[9] * z + lens[13]) <= beyond) widen(found, -z);
     }
-    return found;
+    return found[0] <= found[1] ? found : all;
   }
 
   /** Draw what is farther than the camera's limit, `fine` samples for each pixel of the canvas. */
