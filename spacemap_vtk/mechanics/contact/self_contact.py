@@ -115,7 +115,7 @@ class SelfContact(EnergyTerm):
     def follow(self, positions: Floats) -> bool:
         """Add the pairs of nodes that may come near to the pattern of the tangent."""
         middle = self._to_middle(positions)
-        if self._near is not None and self._is_near(middle):
+        if self._is_near(middle):
             return False
         candidates = self._candidates(middle)
         found = [self._keys]
@@ -205,8 +205,12 @@ class SelfContact(EnergyTerm):
         return found
 
     def _is_near(self, middle: Floats) -> bool:
-        assert self._near is not None
-        return bool(np.linalg.norm(middle - self._near[0], axis=1).max() <= self._margin)
+        """Check that what can come into reach is among the candidates of the last search."""
+        if self._near is None:
+            return False
+        moved = middle - self._near[0]
+        # A translation brings nothing nearer.
+        return bool(np.linalg.norm(moved - moved.mean(axis=0), axis=1).max() <= self._margin)
 
     def _candidates(self, middle: Floats) -> Any:
         """Search for all that can come into reach within the margin, and keep it."""
@@ -217,6 +221,9 @@ class SelfContact(EnergyTerm):
 
     def _free_share(self, start: Floats, end: Floats) -> float:
         ipctk = load_library()
+        if self._near is not None and self._is_near(start) and self._is_near(end):
+            given = self._mesh, start, end, self._thickness, ipctk.AdditiveCCD()
+            return float(self._near[1].compute_collision_free_stepsize(*given))
         return float(
             ipctk.compute_collision_free_stepsize(
                 self._mesh, start, end, self._thickness, None, ipctk.AdditiveCCD()

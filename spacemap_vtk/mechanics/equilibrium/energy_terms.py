@@ -145,9 +145,9 @@ class EnergyTerm(ABC):
         Returns
         -------
         bool
-            True by default.
+            By default, whether the second place can be reached from the first, see `admits`.
         """
-        return True
+        return self.admits(before, after)
 
     def follow(self, positions: Floats) -> bool:
         """Let `nodes` follow the positions, if which nodes affect each other depends on them.
