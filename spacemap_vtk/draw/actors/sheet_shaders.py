@@ -57,7 +57,7 @@ VERTEX_FUNCTIONS = """
 uniform sampler2D views;  // shares and exposures of normals, see ClothAppearance
 out vec4 lightVS[2];  // mean light of warp and weft if the yarns are black
 out vec2 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
-out vec2 gainVS, whiteGainVS;  // light relative to that of the tiles
+out vec2 gainVS;  // light relative to that of the tiles
 out vec2 coverGainVS;  // share of a crossing relative to that seen from the face
 out vec2 openVS;  // share of a crossing that is open, and relative to that of the tiles
 out float heightVS;
@@ -124,9 +124,8 @@ void lightYarns(vec3 positionVC, vec4 place, vec3 warp, vec3 weft)
   {
     lightVS[k] = sums[k] / max(total[k], 1e-6);
     vec3 own = means[k] / max(ofFace[k], 1e-6);
-    vec4 ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye) * exposed[k];
-    gainVS[k] = min(lightVS[k].g / max(ofMean.g, 1e-3), 4.0);
-    whiteGainVS[k] = min(lightVS[k].a / max(ofMean.a, 1e-4), 8.0);
+    float ofMean = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye).g * exposed[k];
+    gainVS[k] = min(lightVS[k].g / max(ofMean, 1e-3), 4.0);
     float mean = max(lightVS[k].g, 1e-6);
     bounceVS[k] = bounced[k] / max(sums[k].g, 1e-6);
     spreadVS[k] = sqrt(max(squares[k] / max(total[k], 1e-6) / (mean * mean) - 1.0, 0.0));
@@ -160,7 +159,7 @@ vec3 encoded(vec3 light)
 #: Functions of the fragment shader, after `CODES`; `sheetLight` returns the light of a pixel.
 FRAGMENT_FUNCTIONS = """
 in vec4 lightVS[2];
-in vec2 bounceVS, spreadVS, gainVS, whiteGainVS, coverGainVS, openVS;
+in vec2 bounceVS, spreadVS, gainVS, coverGainVS, openVS;
 in float heightVS;
 in vec3 warpVS, weftVS, eyeVS;
 
@@ -294,7 +293,8 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
     if (share < 1e-4 * whole) continue;
     vec3 own = normals[k].xyz / share;
     vec4 light = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
-    light *= openTo(vec2(exposed[k] / share), shaded).x * vec4(vec3(gainVS[k]), whiteGainVS[k]);
+    light *= openTo(vec2(exposed[k] / share), shaded).x * vec4(vec3(gainVS[k]), 1.0);
+    light.a = mix(light.a, lightVS[k].a, blurred);
     vec3 tone = hue * hueOf(encoded(colors[k] / share));
     light.rgb *= mix(vec3(1.0), vec3(bounceVS[k]), tone * tone);
     sum += share / whole * coverGainVS[k] * meanLight(tone, light, spreadVS[k] * blurred);
