@@ -50,7 +50,7 @@ SLOW_KINDS = (
     "yarn_to_cloth",
 )
 #: Slow scenes of kinds that have a faster one.
-SLOW_SCENES = ("curtain",)
+SLOW_SCENES = ("arm", "curtain", "curtain_on_rod", "tablecloth")
 
 
 def kinds() -> list[Any]:
