@@ -47,10 +47,10 @@ def open_and_check(open_scene: Any, name: str) -> Any:
 #: Kinds of scenes that are slow to open, and whose sections also occur in the others.
 SLOW_KINDS = (
     *("animal_in_carved_cage", "cantilever_test", "catenary", "drape", "lever_in_tetwild_cage"),
-    "yarn_to_cloth",
+    *("tablecloth", "yarn_to_cloth"),
 )
 #: Slow scenes of kinds that have a faster one.
-SLOW_SCENES = ("arm", "curtain", "curtain_on_rod", "tablecloth")
+SLOW_SCENES = ("arm", "curtain", "curtain_on_rod")
 
 
 def kinds() -> list[Any]:
