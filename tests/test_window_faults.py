@@ -40,7 +40,9 @@ def test_load_with_a_table_file_can_be_edited(open_scene: Any, tmp_path: Path) -
     # The file keeps its name and its comment.
     assert window.document.text == (SMALL + PUFF).replace('"1 Pa"', '"2 Pa"')
     # With another load, the list is rewritten and refers to the same file.
-    editor.add_load(next(a for a in editor.add_button.menu().actions() if a.data() == "gravity"))
+    editor.add_button.menu().triggered.emit(
+        next(a for a in editor.add_button.menu().actions() if a.data() == "gravity")
+    )
     window.document.save()
     puff, gravity = Scene.read(scene).response.loads
     assert (puff.file.resolve(), gravity.action) == (tmp_path / "puff.csv", "gravity")

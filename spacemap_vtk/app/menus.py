@@ -113,6 +113,8 @@ class Menus(QObject):
         history.undoTextChanged.connect(lambda name: undo.setText(f"Undo {name}".strip()))
         history.redoTextChanged.connect(lambda name: redo.setText(f"Redo {name}".strip()))
         menu.addSeparator()
+        menu.addAction(tools.drop)
+        menu.addSeparator()
         self._add_action(menu, "Copy as command line", None, lambda: self._copy(as_command))
         self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
         self.time = menu = self._add_menu("&Time")
@@ -122,7 +124,7 @@ class Menus(QObject):
         self._add_action(menu, "Previous frame", ",", times.step_back)
         self._add_action(menu, "Next frame", ".", times.step_forward)
         menu = self._add_menu("&View")
-        menu.addActions([*tools.part_actions.values(), tools.drop])
+        menu.addActions([*tools.part_actions.values()])
         menu.addSeparator()
         for name, choices in (
             ("Lines and points", tools.keys.appearance_actions),

@@ -30,7 +30,7 @@ from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters.obstacle_surfaces import ObstacleSurfaces
+from spacemap_vtk.filters import obstacle_surfaces
 from spacemap_vtk.io.reading import leaf_blocks
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview import scene_reader
@@ -172,7 +172,7 @@ def make_proxies() -> dict[str, type[ParaViewStage]]:
     return {
         **{name: paraview_stage(getattr(spacemap_vtk, name)) for name in spacemap_vtk.FILTERS},
         **{stage.__name__: paraview_stage(stage) for stage in extensions.load_all("stages")},
-        "ObstacleSurfaces": paraview_stage(ObstacleSurfaces),
+        "ObstacleSurfaces": paraview_stage(obstacle_surfaces.ObstacleSurfaces),
         "WIFReader": paraview_stage(spacemap_vtk.WeaveSource, "WIFReader", draft),
         "SceneReader": paraview_stage(scene_reader.SceneReader, file=scene),
     }

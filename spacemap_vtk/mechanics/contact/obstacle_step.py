@@ -17,8 +17,8 @@ The energy ½ k A e² is stored, and f·(e₀ + Δx - e₁) + ½ k A (e₁ - e�
 part vanishes in short steps; in long ones it damps the vibrations of samples that stick. A sample
 that no longer touches at the end of a step loses its slip.
 
-In time steps the springs stiffen towards the middle of the obstacle, where their energy
-½ k A d²/(1 - (d/D)²) of a depth d is infinite: nothing passes through, however fast it is.
+The springs stiffen towards the middle of the obstacle, where their energy is infinite: nothing
+passes through, however fast it is.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class SteppedObstacle(EnergyTerm):
         """Compute the energy of springs and friction [J]."""
         term = self.obstacle_term
         depth = np.maximum(-term.gaps(positions), 0.0)
-        hard = 1.0 - (depth / _room(term)) ** 2
+        hard = 1.0 - (depth / term.room) ** 2
         square = (self.slip**2).sum(axis=2)
         return 0.5 * float(np.vdot(self._springs, depth**2 / hard + square))
 
@@ -109,12 +109,12 @@ def begin_stepping(
     """Make the term of the first time step from that of a state at rest."""
     where = term.samples.positions(positions)
     deepest = -float(term.gaps(positions).min(initial=0.0))
-    if deepest >= _room(term):
+    if deepest >= term.room:
         raise InputError(
             "the cage reaches through an obstacle at the start",
             key="obstacles",
             value=f"{deepest:.3g} m deep",
-            allowed=f"less than {_room(term):.3g} m",
+            allowed=f"less than {term.room:.3g} m",
             cure="Move the obstacle or the cage, or make the obstacle thicker",
         )
     slip = np.zeros_like(where)
@@ -137,7 +137,7 @@ class ObstacleStep(TermStep):
 
     def admits(self, shares: Floats, places: list[Floats]) -> bool:
         """Check that no sample can have passed the middle of the obstacle between two places."""
-        depth = _room(self.term)
+        depth = self.term.room
         if not np.isfinite(depth):
             return True
         before, room = self._start, self._gap + depth
@@ -200,7 +200,7 @@ class ObstacleStep(TermStep):
         gaps = self._gaps(where)
         part = np.any((self._gap < 0) | (gaps < 0), axis=1)
         first, last, springs = self._gap[part], gaps[part], self._springs[part]
-        force, slope = _mean_slope(first, last, springs, _room(term))
+        force, slope = _mean_slope(first, last, springs, term.room)
         moved = where[part] - self._start[part]
         middle = term.obstacle.distance((where[part] - moved / 2).reshape(-1, 3))
         ahead = term.obstacle.distance(where[part].reshape(-1, 3)).gradient.reshape(moved.shape)
@@ -262,11 +262,6 @@ def _mean_slope(first: Floats, last: Floats, springs: Floats, room: float) -> tu
     harder = 1.0 - (b / room) ** 2
     slope = (slope + mean * 2 * b / room**2 / harder) / (hard * harder)
     return springs / 2 * mean / (hard * harder), springs / 2 * slope
-
-
-def _room(term: ObstacleTerm) -> float:
-    """Return the depth of a sample in the middle of the obstacle [m]."""
-    return term.obstacle.depth + term.offset
 
 
 def _normalised(vectors: Floats) -> Floats:

@@ -1,8 +1,13 @@
 """Energy of a cage against a rigid obstacle: one-sided springs at samples of its surface.
 
-A sample of area A at the signed distance g has the energy ½ k A min(g - T/2, 0)², with half the
-sheet's thickness T. The stiffness is the largest that the mesh resolves: a plate of rigidity D on
-a bed of stiffness k has a boundary layer of length (4 D/k)^¼, which is a quarter of a cell for
+A sample of area A at the signed distance g has the depth d = max(T/2 - g, 0), with half the
+sheet's thickness T, and the energy
+
+    U = ½ k A d²/(1 - (d/B)²)
+
+It is infinite at the depth B of the obstacle's middle, so that nothing passes through. The
+stiffness k is the largest that the mesh resolves: a plate of rigidity D on a bed of stiffness k has
+a boundary layer of length (4 D/k)^¼, which is a quarter of a cell for
 
     k = 1024 D/cell⁴
 
@@ -51,6 +56,12 @@ SUPPORT = 1e3
 #: of contact a sheet on springs rises again, by up to a fifth of their depth as measured.
 NEAR = 0.3
 
+#: Share of the way to the middle of an obstacle up to which springs stiffen.
+_STIFFEST = 0.99
+#: Largest share of the way to the middle in one step of a search, and the least length of a step
+#: over the whole of this way.
+_APPROACH, _LEAST_MOVE = 0.9, 1e-3
+
 #: A sample slides if its friction is at least this share of the limit.
 _SLIDES = 1.0 - 1e-6
 
@@ -74,6 +85,19 @@ def contact_stiffness(material: Floats | Plate, cell: float) -> float:
         return SHEET_STIFFNESS * float(material.bending.diagonal()[:2].max()) / cell**4
     normal = float(np.mean(1 / np.linalg.inv(material)[:3, :3].diagonal()))
     return SOLID_STIFFNESS * normal / cell
+
+
+def press_springs(springs: Floats, depth: Floats, room: float) -> tuple[Floats, Floats, Floats]:
+    """Compute energy, force and its slope of springs k A at depths d ≥ 0, see the module."""
+    # Near the middle, and for starts beyond it, the slope is constant.
+    share = np.minimum(depth / room, _STIFFEST)
+    left = 1.0 - share**2
+    beyond = np.maximum(depth - _STIFFEST * room, 0.0) if np.isfinite(room) else 0.0
+    inner = depth - beyond
+    slope = springs * (1.0 + 3.0 * share**2) / left**3
+    force = springs * inner / left**2
+    energy = springs * inner**2 / (2.0 * left) + (force + slope * beyond / 2.0) * beyond
+    return energy, force + slope * beyond, slope
 
 
 class Friction(NamedTuple):
@@ -229,13 +253,16 @@ class ObstacleTerm(EnergyTerm):
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
         """Compute the largest step with which no sample passes through the obstacle's middle."""
-        depth = self.obstacle.depth
-        if not np.isfinite(depth):
+        if not np.isfinite(self.room):
             return np.inf
-        gap = self.gaps(positions)
-        room = np.maximum(gap + depth, 0.1 * depth)
+        room = np.maximum(_APPROACH * (self.gaps(positions) + self.room), _LEAST_MOVE * self.room)
         moved = np.linalg.norm(self.samples.positions(move), axis=2)
         return float((room / np.maximum(moved, 1e-300)).min())
+
+    @property
+    def room(self) -> float:
+        """Depth of a sample in the middle of the obstacle [m]."""
+        return self.obstacle.depth + self.offset
 
     def gaps(self, positions: Floats) -> Floats:
         """Compute the distance of each sample from the obstacle, less the offset.
@@ -294,10 +321,12 @@ class ObstacleState(TermState):
         #: (E,) Elements of which a sample touches.
         self.elements = np.flatnonzero(depth.any(axis=1))
         part = self.elements
-        #: (e, m) Depth, spring constants and normal forces at the samples of these elements.
+        #: (e, m) Depth and normal forces at the samples of these elements.
         self.depth = depth[part]
         self._springs = term.stiffness * samples.areas[part]
-        self.press = self._springs * self.depth
+        self._spring_energy, self.press, self._slopes = press_springs(
+            self._springs, self.depth, term.room
+        )
         self._inside = self.depth > 0
 
     @cached_property
@@ -338,7 +367,7 @@ class ObstacleState(TermState):
     @cached_property
     def energy(self) -> float:
         """Energy of springs and friction [J]."""
-        total = 0.5 * float(np.vdot(self.press, self.depth))
+        total = float(self._spring_energy.sum())
         if self._slip is not None:
             _, length, secant = self._slip
             # ½ k s² up to the limit L, and L s - ½ L²/k beyond it.
@@ -368,7 +397,7 @@ class ObstacleState(TermState):
     def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
         """Compute the tangent; without its share of the obstacle's curvature, which is negative."""
         normal, curvature = self._distance
-        springs = (self._springs * self._inside)[..., None, None]
+        springs = (self._slopes * self._inside)[..., None, None]
         each = springs * normal[..., :, None] * normal[..., None, :]
         each -= ((1.0 - removed) * self.press)[..., None, None] * curvature
         return self._obstacle.assemble(self.elements, each + self._friction_tangent())
@@ -384,7 +413,7 @@ class ObstacleState(TermState):
         found = term.obstacle.distance(self._points[part][held])
         normal[held], curvature[held] = found.gradient, found.curvature
         springs = term.stiffness * term.samples.areas[part] * held
-        press = springs * np.maximum(-self._gap[part], 0.0)
+        press = press_springs(springs, np.maximum(-self._gap[part], 0.0), term.room)[1]
         return Held(part, SUPPORT * springs, press, normal, curvature)
 
     def tangent_at_rest(self, removed: float = 0.0) -> Floats:
@@ -419,7 +448,7 @@ class ObstacleState(TermState):
         result = secant[..., None, None] * (self._across - along)
         if friction.follows:
             anchored = ~np.isnan(friction.anchors[self.elements, :, 0])
-            grip = self._obstacle.coefficient * self._springs * (slides & anchored & self._inside)
+            grip = self._obstacle.coefficient * self._slopes * (slides & anchored & self._inside)
             # The normal force grows against the gradient of the distance.
             result -= grip[..., None, None] * way[..., :, None] * self._distance[0][..., None, :]
         return np.asarray(result)
@@ -478,5 +507,6 @@ def _press(term: ObstacleTerm, positions: Floats) -> tuple[Floats, Bools, Floats
     found = term.obstacle.distance(where.reshape(-1, 3))
     depth = np.maximum(term.offset - found.gap, 0.0).reshape(shape)
     normals = found.gradient / np.linalg.norm(found.gradient, axis=1, keepdims=True)
-    limits = term.coefficient * term.stiffness * term.samples.areas * depth
+    springs = term.stiffness * term.samples.areas
+    limits = term.coefficient * press_springs(springs, depth, term.room)[1]
     return where, depth > 0, normals.reshape(where.shape), limits
