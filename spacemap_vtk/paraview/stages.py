@@ -28,9 +28,9 @@ from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.datasets.arrays import add_array, cell_types, cells_of, shallow_copy
 from spacemap_vtk.datasets.processes import is_first
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.filters import obstacle_surfaces
 from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import Stage
-from spacemap_vtk.filters import obstacle_surfaces
 from spacemap_vtk.io.reading import leaf_blocks
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.paraview import scene_reader
