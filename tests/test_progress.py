@@ -91,3 +91,32 @@ def test_equilibrium_reports_progress_and_can_be_interrupted(tmp_path: Path) -> 
     assert "Traceback" not in stated
     assert "modes" not in stated
     assert list(tmp_path.iterdir()) == [scene]
+
+
+INTERRUPT = """
+import os, signal, sys
+import rich.progress
+from spacemap_vtk.cli.main import main
+
+shown = rich.progress.Progress.update
+
+def update(self, *given, **values):
+    shown(self, *given, **values)
+    if "hanging" in values.get("stage", ""):
+        os.kill(os.getpid(), signal.SIGINT)
+
+rich.progress.Progress.update = update
+sys.stderr.isatty = lambda: True
+main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C is another")
+def test_interrupt_while_progress_is_shown_stops_like_any_other(tmp_path: Path) -> None:
+    """VTK itself ends a program whose observer is interrupted, without a word of what was done."""
+    scene = tmp_path / "drape.toml"
+    scene.write_text(DRAPE)
+    command = [sys.executable, "-c", INTERRUPT, "render", str(scene), "-o", str(tmp_path / "a.png")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith("spacemap: stopped")

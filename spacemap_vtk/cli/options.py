@@ -343,9 +343,12 @@ def progress(scene: Scene | None, what: str, quiet: bool) -> Iterator[Callable[[
 
     def show_stage(stage: Stage, event: str) -> None:
         words = [type(stage).__name__]
-        if event == "ProgressEvent":
-            words += [stage.GetProgressText() or "", f"{stage.GetProgress():.0%}"]
-        bar.update(task, stage="" if event == "EndEvent" else " ".join(filter(None, words)))
+        try:
+            if event == "ProgressEvent":
+                words += [stage.GetProgressText() or "", f"{stage.GetProgress():.0%}"]
+            bar.update(task, stage="" if event == "EndEvent" else " ".join(filter(None, words)))
+        except KeyboardInterrupt:  # from an observer VTK would end the program
+            stage.SetAbortExecute(1)
 
     observers = [
         (stage, stage.AddObserver(event, show_stage))
