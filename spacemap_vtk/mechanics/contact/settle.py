@@ -43,6 +43,10 @@ _MAX_REPEATS, _MAX_BALANCING, _PATIENCE = 20, 40, 4
 #: body that slides away never finds one.
 _MAX_RENEWING = 200
 
+#: Share of the inertia with which the search from a guess begins: a strip that is pulled over a
+#: cylinder needs a tenth of the steps.
+_NEAR_INERTIA = 0.1
+
 #: A step is halved, at most so many times, while it multiplies the unbalanced forces by more than
 #: the second number.
 _MAX_HALVINGS, _MAX_RISE = 6, 1.5
@@ -99,6 +103,7 @@ def settle(
         system.inertia = mass * (total / (mass.sum() / 3 * _FREE_STEP * size))
         if guess is not None:
             z, decades = guess, np.ones(1)
+            system.inertia_scale = _NEAR_INERTIA
         else:
             z, decades = start, _decades(given, total, size)
         current = _soften(given, decades[0])
