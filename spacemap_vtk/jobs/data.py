@@ -58,7 +58,7 @@ class ExportJob(Job):
 
     @contextmanager
     def prepare(self, scene: Scene) -> Iterator[None]:
-        """Let the data have irregular yarns if they are asked for, and regular ones otherwise."""
+        """Make the yarns of the data irregular within the block if asked for, else regular."""
         from spacemap_vtk.scenes.irregular_data import yarns_of_data
 
         with yarns_of_data(scene, self.kind, self.irregular):

@@ -131,7 +131,7 @@ class RecordCard(QFrame):
         column(self, head, *rows, margins=(8, 6, 6, 4), spacing=4)
 
     def show_record(self, record: Record) -> None:
-        """Show a record of the same kind."""
+        """Show another record that has the rows of this card."""
         self._record = record
         with QSignalBlocker(self.kind):
             self.kind.setCurrentIndex(self.kind.findData(self._owner.kind_of(record)))

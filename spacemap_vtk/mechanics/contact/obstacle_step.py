@@ -251,7 +251,7 @@ class ObstacleStep(TermStep):
 
 def _mean_slope(first: Floats, last: Floats, springs: Floats, room: float) -> tuple[Floats, Floats]:
     """Compute ΔU/Δg of springs from one distance to another, and its derivative by the last."""
-    # U = ½ k g²/(1 - (g/D)²) where g < 0. The difference of two such quotients is that of the
+    # U = ½ k g²/(1 - (g/B)²) where g < 0. The difference of two such quotients is that of the
     # squares over both denominators.
     both = (first < 0) & (last < 0)
     change = np.where(both | (first == last), 1.0, last - first)

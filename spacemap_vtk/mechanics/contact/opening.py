@@ -1,11 +1,13 @@
 """Where linear vibrations about a state at rest on obstacles would open its contact.
 
-In linear vibrations what touches stays as it is: samples that touch are held along the normal, and
-only the force that presses them changes. Contact would open where this force becomes a pull. At a
-line of contact the change is a couple, for which the cells choose single samples; so forces are
-spread over neighbouring cells first, which keeps their sum and moment. The line has the reaction R
-per length; a moment M of the vibration would move it by M/R. The spread force becomes a pull where
-it would move by about a cell.
+In linear vibrations all contacts stay closed: samples that touch are held along the normal, and
+only the force between them and the obstacle changes. Contact would open where this force becomes a
+pull.
+
+At the edge of the touching region the vibration exerts a moment M per length, which a few
+neighbouring samples carry by large opposite forces. Forces are therefore spread over neighbouring
+cells first, which keeps their sum and moment. With the reaction R per length at the edge, the real
+edge would move by M/R. The spread force becomes a pull when this is about a cell.
 """
 
 from __future__ import annotations
@@ -24,12 +26,12 @@ _SPREADS = 3
 
 
 class Opening(NamedTuple):
-    """The multiples of moves at which contact with an obstacle opens first."""
+    """Factors by which displacements are multiplied when contact with an obstacle first opens."""
 
     forwards: Floats
-    """(n,) Multiple of each move; infinite if it presses everywhere."""
+    """(n,), factor of each displacement; infinite if it opens nothing."""
     backwards: Floats
-    """(n,) Multiple of the opposite of each move."""
+    """(n,), factor of its opposite."""
 
 
 class RestingContact:
@@ -50,7 +52,7 @@ class RestingContact:
         self._press = self._spread(self._held.press)
 
     def find_openings(self, moves: Floats) -> Opening:
-        """Find the multiples of moves from rest at which the contact opens.
+        """Find the factors of displacements from rest at which the contact opens.
 
         Parameters
         ----------
@@ -61,7 +63,7 @@ class RestingContact:
         Returns
         -------
         Opening
-            Multiples of all moves.
+            Factors of all displacements.
         """
         found = np.full((2, len(moves)), np.inf)
         for number, move in enumerate(moves):

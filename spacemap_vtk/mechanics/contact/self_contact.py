@@ -24,7 +24,7 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Distance over which the barrier acts, as a share of the thickness.
 REACH = 0.5
-#: The tangent's pattern includes pairs of nodes that may come near within this share of a cell.
+#: How far nodes may move, as a share of a cell, before pairs that may touch are searched again.
 _MARGIN = 0.125
 
 
@@ -38,7 +38,7 @@ class SelfContact(EnergyTerm):
     surface : MidSurface
         Mid-surface of the sheet.
     thickness : float
-        Distance that stays between the mid-surfaces of layers [m].
+        Least distance between the mid-surfaces of layers [m].
     stiffness : float
         Stiffness of contact per area [N/m³].
 

@@ -151,7 +151,7 @@ def _grid_triangles(rows: int, columns: int) -> Ints:
 
 
 def _without_slivers(surface: Surface) -> Surface:
-    """Leave out triangles without an area, as around a pole."""
+    """Remove triangles of zero area, such as those at a pole."""
     a, b, c = (surface.points[corners] for corners in surface.triangles.T)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return surface._replace(triangles=surface.triangles[area > 1e-9 * area.max()])

@@ -259,7 +259,7 @@ class FinishedStep(NamedTuple):
 
 
 class TermStep(ABC):
-    """Energy term in a time step; its forces do the work that its energy loses."""
+    """Energy term over one time step; the work of its forces is the change of its energy."""
 
     @abstractmethod
     def admits(self, shares: Floats, places: list[Floats]) -> bool:
