@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError, SolverError
@@ -456,3 +458,22 @@ time = "step"
         scene = Scene.read(tmp_path / "table.toml")
         scene.update(10.0)
         assert any("lift the cage off obstacle 0" in text for text in scene.warnings) == lifts
+
+
+def test_dropped_cloth_falls_from_the_state_in_the_file(tmp_path: Path) -> None:
+    """A table without an edge is the same everywhere: what was moved along it stays moved."""
+    text = SCENE.replace('"disc"\nradius = "60 mm"', '"plane"')
+    (tmp_path / "table.toml").write_text(text, encoding="utf-8")
+    resting = [Scene.read(tmp_path / "table.toml") for _ in range(2)]
+    # The state has other cells than the cage.
+    points, cells = build_lattice((-0.2, 0.2, -0.2, 0.2, -0.01, 0.01), (3, 2, 1))
+    move = np.array([3e-3, -2e-3, 0.1])
+    state = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points)
+    state["displacement"] = np.tile(move, (len(points), 1))
+    state.save(tmp_path / "state.vtu")
+    resting[1].assign("modal", "dropped_from", str(tmp_path / "state.vtu"))
+    places = []
+    for scene in resting:
+        scene.update_stage(scene.modal)
+        places.append(vtk_to_numpy(scene.modal.output.GetPointData().GetArray("equilibrium")))
+    assert np.abs(places[1] - places[0] - [*move[:2], 0.0]).max() < 1e-6

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 from window import drag, require_display, scene_of, settled, type_into, wait_until
 
 require_display()
@@ -22,6 +24,7 @@ from spacemap_vtk.datasets.modal_model import contact_of  # noqa: E402
 from spacemap_vtk.filters.obstacle import SHAPES  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.pipeline import section_classes  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
 def editor(window: Any, section: str, name: str) -> Any:
@@ -202,6 +205,7 @@ def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
 
 def test_obstacles_have_cards_as_loads_have(open_scene: Any) -> None:
     window = open_scene()
+    window.document.set("modal", "hang", False)  # no equilibrium: it would take a second each time
     cards = editor(window, "modal", "obstacles")
     for action in cards.add_button.menu().actions():
         if action.data() != "mesh":
@@ -215,6 +219,8 @@ def test_obstacles_have_cards_as_loads_have(open_scene: Any) -> None:
     assert window.view.scene_view.bodies.GetVisibility()
     type_into(cards.cards[1].rows["friction"].editor.line, "0.4")
     assert window.document.scene.modal.obstacles[1].friction == 0.4
+    wait_until(lambda: settled(window))
+    _drag_handle(window, 1, 0)
     # Another shape keeps place and friction; a displacement brings its time function.
     box = cards.cards[1].kind
     box.setCurrentIndex(box.findData("disc"))
@@ -228,17 +234,61 @@ def test_obstacles_have_cards_as_loads_have(open_scene: Any) -> None:
     assert not window.view.scene_view.bodies.GetVisibility()
 
 
-def test_drop_lets_go_of_the_supports(open_scene: Any) -> None:
+def _drag_handle(window: Any, number: int, axis: int) -> None:
+    """Drag an arrow of an obstacle's handle, once given up with Esc, and undo it."""
+    canvas, history, left = window.view.canvas, window.document.history, Qt.MouseButton.LeftButton
+    editor(window, "modal", "obstacles").select(number)
+    canvas.image()  # gives the handle its size
+    handle, before = window.view.obstacles.handle, window.document.scene.modal.obstacles[number]
+    ends = np.array(before.center) + np.outer(
+        [0.7, 1.3], np.eye(3)[axis] * handle.arrows.GetScale()
+    )
+    ratio, steps = canvas.devicePixelRatioF(), history.count()
+    x, y = (np.array([handle.project(end) for end in ends]) / ratio).T
+    begin, end = (
+        QPoint(round(a), round(canvas.height() - 1 - b)) for a, b in zip(x, y, strict=True)
+    )
+    for given_up in (True, False):
+        QTest.mousePress(canvas, left, pos=begin)
+        QTest.mouseMove(canvas, end)
+        assert handle.obstacle.center[axis] > before.center[axis]  # before the scene changes
+        assert window.document.scene.modal.obstacles[number] == before
+        if given_up:
+            QTest.keyClick(canvas, Qt.Key.Key_Escape)
+            assert handle.obstacle == before
+        QTest.mouseRelease(canvas, left, pos=end)
+        assert history.count() == steps + (not given_up)
+    now = window.document.scene.modal.obstacles[number]
+    moved = np.array(now.center) - before.center
+    assert moved[axis] == pytest.approx(ends[1, axis] - ends[0, axis], rel=0.1)
+    assert np.delete(moved, axis) == pytest.approx([0.0, 0.0])
+    assert (now.radius, now.friction) == (before.radius, before.friction)
+    assert not window.view.picks
+    history.undo()
+    assert window.document.scene.modal.obstacles[number] == handle.obstacle == before
+    QTest.keyClick(canvas, Qt.Key.Key_Escape)
+    assert handle.obstacle is None
+    wait_until(lambda: settled(window))
+
+
+def test_drop_lets_go_of_the_supports(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     assert not window.tools.drop.isEnabled()
+    assert "obstacle" in window.tools.drop.toolTip()
     window.document.set_many("cage", {"divisions": [3, 3, 1]})
     window.document.set("modal", "elements", "sheet")
     ground = [{"shape": "plane", "center": [0, 0, "-1 mm"], "friction": 0.3}]
     window.document.set_many("modal", {"obstacles": ground, "gravity": [0, 0, -9.81]})
     wait_until(lambda: settled(window))
     assert window.tools.drop.isEnabled()
+    shown = vtk_to_numpy(window.view.frame.cage.GetPointData().GetArray("displacement")).copy()
     window.tools.drop.trigger()
     wait_until(lambda: settled(window))
+    # It falls from the state that was shown, which is saved with the scene.
+    window.document.save(tmp_path / "dropped.toml")
+    state = Scene.read(tmp_path / "dropped.toml").modal.dropped_from
+    assert state.parent == tmp_path
+    assert pv.read(state)["displacement"] == pytest.approx(shown, abs=1e-12)
     assert window.errors.text == ""
     assert window.document.scene.modal.fixed == ()
     (contact,) = contact_of(window.view.frame.cage)

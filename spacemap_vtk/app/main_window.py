@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
 from PySide6.QtCore import QPoint, QSettings, QSize, Qt
 from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
 from PySide6.QtWidgets import (
@@ -50,6 +51,7 @@ from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import ViewOptions
 from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.filters.cage_state import copy_state
 from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
 from spacemap_vtk.scenes.report import describe_motion, summarise_motion
@@ -309,6 +311,9 @@ class MainWindow(QMainWindow):
         self.tools.keys.thickness_changed.connect(self._change_thickness)
         # Queued, because the mouse still holds the plane when the signal is emitted.
         self.view.clipped.connect(self._set_clip_plane, Qt.ConnectionType.QueuedConnection)
+        self.properties.obstacle_selected.connect(self.view.obstacles.select)
+        self.view.obstacles.moved.connect(self.properties.move_obstacle)
+        self.view.obstacles.chosen.connect(self._choose_obstacle)
         for signal in (self.document.changed, self.document.replaced):
             signal.connect(self._show_view_settings)
         self.document.replaced.connect(self._clear_status)
@@ -388,9 +393,27 @@ class MainWindow(QMainWindow):
         written = self._hanging_values if on else {"hang": False}
         self._try_change(partial(self.document.set_many, name="hang"), "modal", written)
 
+    def _choose_obstacle(self, number: int | None) -> None:
+        """Select the card of an obstacle that was clicked in the view, or none."""
+        if number is not None:
+            self.stages.select("modal")
+        self.properties.select_obstacle(number)
+
     def _drop(self) -> None:
-        """Let go of the supports, so that the cage falls onto its obstacles."""
-        written = {**self._hanging_values, "fixed": ""}
+        """Let go of the supports, so that the cage falls from its shown state onto obstacles."""
+        frame = self.view.frame
+        if frame is None or frame.cage is None or frame.generation != self.director.generation:
+            return
+        # A shown mode or pull is no state of the scene.
+        array = "equilibrium" if frame.mode is not None else "displacement"
+        moved = frame.cage.GetPointData().GetArray(array)
+        state = None
+        if moved is not None and max(np.abs(moved.GetRange(k)).max() for k in range(3)) > 0.0:
+            state = str(self.document.drafts.add_state(copy_state(frame.cage, array)))
+        self.modes.stop()
+        self.pull.stop()
+        written = {**self._hanging_values, "fixed": "", "dropped_from": state}
+        self.view.fits_change = True  # the cage may fall far
         self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
 
     @property
@@ -468,7 +491,8 @@ class MainWindow(QMainWindow):
             # Also while playing; only a drag can change the modes at every frame.
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.set_angles(self.document.scene.stage("rotation") is not None)
-            self.properties.set_bounds(frame.surface.GetBounds())
+            gravity = self._hanging_values.get("gravity", self.document.scene.modal.gravity)
+            self.properties.set_bounds(frame.surface.GetBounds(), gravity)
             self.properties.show_results("modal", solver_results(frame.cage), frame.in_use)
         # If only the camera has moved, keep the text about a picked point.
         if not frame.coarse and _frame_key(frame) != self._pick_key:

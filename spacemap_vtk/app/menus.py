@@ -114,6 +114,7 @@ class Menus(QObject):
         history.redoTextChanged.connect(lambda name: redo.setText(f"Redo {name}".strip()))
         menu.addSeparator()
         menu.addAction(tools.drop)
+        menu.setToolTipsVisible(True)
         menu.addSeparator()
         self._add_action(menu, "Copy as command line", None, lambda: self._copy(as_command))
         self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
@@ -195,11 +196,11 @@ class Menus(QObject):
         self._files.switch_to(self.sender().data())
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
-        """Copy the scene as text; refused if its draft exists only in a temporary file."""
-        if self._document.drafts.contains(self._document.scene.draft_file):
+        """Copy the scene as text; refused if a file of it exists only temporarily."""
+        if unsaved := self._document.unsaved_file:
             self.refused.emit(
                 InputError(
-                    "the edited draft is not saved in a file yet",
+                    f"{unsaved} is not saved in a file yet",
                     cure="Save the scene, then copy again.",
                 )
             )

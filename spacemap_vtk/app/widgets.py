@@ -222,8 +222,12 @@ def mark_bad(widget: QWidget, bad: bool) -> bool:
     if bool(widget.property("bad")) == bad:
         return False
     widget.setProperty("bad", bad)
-    # Qt evaluates properties in a style sheet only when the widget is polished.
     for part in (widget, *widget.findChildren(QWidget)):
-        part.style().unpolish(part)
-        part.style().polish(part)
+        restyle(part)
     return True
+
+
+def restyle(widget: QWidget) -> None:
+    """Apply the style sheet again: Qt evaluates properties in it only when it polishes a widget."""
+    widget.style().unpolish(widget)
+    widget.style().polish(widget)

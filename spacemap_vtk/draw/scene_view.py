@@ -221,6 +221,7 @@ class SceneView:
         if supports:
             self.supports.show(frame.cage)
             count = self.supports.GetMapper().GetInput().GetNumberOfPoints()
+            self.supports.SetVisibility(count > 0)  # VTK goes on to draw points that are gone
             dot = DOT * min(1.0, (_MANY_DOTS / max(1, count)) ** 0.5)  # else they hide the cloth
             self.supports.GetProperty().SetPointSize(max(_LEAST_DOT, dot) * self._pixels_per_point)
         self.loads.SetVisibility(view.loads)

@@ -28,6 +28,7 @@ from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
+from spacemap_vtk.filters.cage_state import read_state
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
@@ -50,7 +51,7 @@ from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
-from spacemap_vtk.parameters import Choice, Flag, Integer, Real, Vector
+from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.units import format_quantity
 
@@ -161,6 +162,14 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         (),
         "Rigid bodies that the cage rests on or hangs over. Undeformed, it may be anywhere above "
         "them: if nothing else holds it, it first falls along its load until it touches one.",
+        group="Hung",
+    )
+    dropped_from = FilePath(
+        None,
+        "File of a cage with the array displacement, as an exported cage has it. With obstacles, "
+        "the equilibrium is the one that the cage reaches from this state: cloth that falls from "
+        "another place lies in other folds.",
+        automatic="the undeformed state",
         group="Hung",
     )
     self_contact = Flag(
@@ -426,7 +435,13 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
     def _equilibrium(self, model: Model, load: Floats, layers: float) -> tuple[Floats, Floats]:
         """Return displacement and anchors of friction in equilibrium, from disk or solved."""
-        digest = digest_of(model.digest, load / model.modulus)
+        released = None
+        if self.dropped_from is not None:
+            with add_key_to_errors("dropped_from"):
+                released = read_state(self.dropped_from, model.points)
+            if not obstacles_of(model):
+                self.warn("dropped_from has no effect, because there are no obstacles")
+        digest = _equilibrium_digest(model, load, released)
 
         def allow() -> None:
             require_memory(
@@ -439,7 +454,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
         def solve() -> list[Floats]:
             return load_or_solve_equilibrium(
-                model, load, lambda share: self.report_progress(share, "hanging"), allow
+                model, load, lambda share: self.report_progress(share, "hanging"), allow, released
             )
 
         if self._last_equilibrium is None or self._last_equilibrium[0] != digest:
@@ -596,7 +611,11 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
 
 def load_or_solve_equilibrium(
-    model: Model, load: Floats, progress: Progress, allow: Callable[[], object] = lambda: None
+    model: Model,
+    load: Floats,
+    progress: Progress,
+    allow: Callable[[], object] = lambda: None,
+    released: Floats | None = None,
 ) -> list[Floats]:
     """Return the equilibrium of a body under dead loads, from disk or solved.
 
@@ -610,6 +629,9 @@ def load_or_solve_equilibrium(
         Receives the share that is done.
     allow : callable, optional
         Called before solving; may raise to prevent it.
+    released : ndarray of float64, shape (V, 3), optional
+        Displacement [m] from which a body with obstacles falls, see
+        `spacemap_vtk.mechanics.contact.resting.find_resting_state`.
 
     Returns
     -------
@@ -617,19 +639,24 @@ def load_or_solve_equilibrium(
         The displacement [m], (V, 3), the share of the load at which it buckles, (1,), or NaN, and
         the anchors of friction on obstacles [m], (S, 3).
     """
-    key = f"hung-{digest_of(model.digest, load / model.modulus)}"
+    key = f"hung-{_equilibrium_digest(model, load, released)}"
     entry = cache.load(key, displacement=model.points.shape, critical=(1,), anchors=(-1, 3))
     if entry is not None and np.isfinite(entry["displacement"]).all():
         return list(entry.values())
     allow()
     share, anchors = None, np.empty((0, 3))
     if obstacles_of(model):
-        displacement, anchors = find_resting_state(model, load, progress)
+        displacement, anchors = find_resting_state(model, load, progress, released=released)
     else:
         displacement, share = model.solve_equilibrium(load, progress)
     critical = np.array([math.nan if share is None else share])
     cache.store(key, displacement=displacement, critical=critical, anchors=anchors)
     return [displacement, critical, anchors]
+
+
+def _equilibrium_digest(model: Model, load: Floats, released: Floats | None) -> str:
+    state = () if released is None else (released,)
+    return digest_of(model.digest, load / model.modulus, *state)
 
 
 def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:

@@ -85,16 +85,35 @@ def obstacle_surfaces(cage: vtkUnstructuredGrid, plane_cells: int = 2) -> list[t
     list of (str, Surface)
         Empty if the cage has no obstacles.
     """
-    bodies = bodies_of(cage)
-    if not bodies:
-        return []
+    return [obstacle_surface(body, cage, plane_cells) for body in bodies_of(cage)]
+
+
+def obstacle_surface(
+    body: Mapping[str, Any], cage: vtkUnstructuredGrid, plane_cells: int = 2
+) -> tuple[str, Surface]:
+    """Return the shape and the surface of one obstacle, whether or not the cage has it.
+
+    Parameters
+    ----------
+    body : mapping
+        Shape and place, from `spacemap_vtk.filters.obstacle.Obstacle.body`.
+    cage : vtkUnstructuredGrid
+        Of a plane, and of a cylinder without ends, the part around this cage is returned.
+    plane_cells : int
+        Number of cells along each side of a plane.
+
+    Returns
+    -------
+    (str, Surface)
+        As one item of `obstacle_surfaces`.
+    """
     points = points_of(cage).astype(np.float64)
     equilibrium = cage.GetPointData().GetArray("equilibrium")
     if equilibrium is not None:
         points = points + vtk_to_numpy(equilibrium)
     low, high = points.min(axis=0), points.max(axis=0)
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    return [(body["shape"], _placed_surface(body, middle, radius, plane_cells)) for body in bodies]
+    return body["shape"], _placed_surface(body, middle, radius, plane_cells)
 
 
 def join_surfaces(surfaces: Sequence[tuple[str, Surface]]) -> vtkPolyData:

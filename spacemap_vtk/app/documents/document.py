@@ -58,7 +58,7 @@ class Document(QObject):
         self.file: Path | None = None
         #: File that was opened; it can also be a draft or one of the program's own scenes.
         self.source: Path | None = None
-        #: Edited drafts that the user has not saved yet.
+        #: Edited drafts, and states before a drop, that the user has not saved yet.
         self.drafts = DraftVersions()
         self._saved_draft: Path | None = None
         #: Former content of each section that was switched off, and whether that happened together
@@ -115,6 +115,7 @@ class Document(QObject):
             self._relocate_paths(self._folder, target.parent)
             with atomic_files(target) as folder:
                 self._save_draft(target, folder)
+                self._save_state(target, folder)
                 self._scene = Scene(self.values, target)
                 write_parts(folder / target.name, [self.text.encode()])
         except BaseException:
@@ -166,6 +167,15 @@ class Document(QObject):
         """The draft file that was opened; None if a scene was opened."""
         drafted = self.source is not None and registry.kind_of(self.source) == "draft"
         return self.source if drafted else None
+
+    @property
+    def unsaved_file(self) -> str:
+        """What exists only in a temporary file, in words; empty if nothing does."""
+        if self.drafts.contains(self.scene.draft_file):
+            return "the edited draft"
+        if self.drafts.contains(self.scene.modal.dropped_from):
+            return "the state from which the cloth was dropped"
+        return ""
 
     @property
     def example_name(self) -> str | None:
@@ -463,6 +473,16 @@ class Document(QObject):
         self.back_up_draft(path)
         write_parts(folder / path.name, [draft.read_bytes()])
         self._write_value("weave", "draft", path.name)
+
+    def _save_state(self, target: Path, folder: Path) -> None:
+        """Write the state from which cloth was dropped into the folder of files to save."""
+        state = self.scene.modal.dropped_from
+        if state is None or not self.drafts.contains(state):
+            return
+        # The name contains a part of the content's digest: no other file is overwritten.
+        name = f"{target.stem}_dropped_from_{state.stem[:8]}{state.suffix}"
+        write_parts(folder / name, [state.read_bytes()])
+        self._write_value("modal", "dropped_from", name)
 
     def _relocate_paths(self, old: Path, new: Path) -> None:
         """Change relative paths so that they refer to the same files from another folder."""

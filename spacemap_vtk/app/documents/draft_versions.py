@@ -1,4 +1,4 @@
-"""Versions of edited drafts, each in a temporary file."""
+"""Versions of edited drafts, and states from which cloth is dropped, in temporary files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import weakref
 from contextlib import ExitStack
 from pathlib import Path
 
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.drafts.wif_writer import format_wif
 from spacemap_vtk.io.output import write_parts
@@ -18,11 +21,11 @@ from spacemap_vtk.textile.drafts.draft import Draft
 
 
 class DraftVersions:
-    """A temporary folder of draft files named by their content; deleted with this object."""
+    """A temporary folder of files named by their content; deleted with this object."""
 
-    # A scene refers to a draft by its file. Because each version has a separate file, undo and redo
-    # of the scene's text also undo and redo edits of the draft, and for the pipeline an edited
-    # draft is just another file.
+    # A scene refers to a draft or a state by its file. Because each version has a separate file,
+    # undo and redo of the scene's text also undo and redo edits of the draft, and for the pipeline
+    # an edited draft is just another file.
 
     def __init__(self) -> None:
         self._folder: Path | None = None
@@ -39,6 +42,15 @@ class DraftVersions:
     def add_file(self, file: Path) -> Path:
         """Copy a draft file into the folder."""
         return self._store(file.read_bytes(), file.suffix, f"{file.name} (earlier version)")
+
+    def add_state(self, cage: vtkUnstructuredGrid) -> Path:
+        """Write a cage with its displacement, from which it will be dropped."""
+        writer = vtkXMLUnstructuredGridWriter()
+        writer.SetInputData(cage)
+        writer.WriteToOutputStringOn()
+        writer.SetDataModeToAscii()
+        writer.Write()
+        return self._store(writer.GetOutputString().encode(), ".vtu", "the state before the drop")
 
     def _store(self, data: bytes, suffix: str, name: str) -> Path:
         try:
@@ -60,8 +72,7 @@ class DraftVersions:
             self._names.setdefault(path.name, name)
         except OSError as error:
             raise InputError(
-                f"the draft could not be stored in a temporary file ({error.strerror})",
-                key="draft",
+                f"a temporary file could not be written ({error.strerror})",
                 cure=f"Free space in {tempfile.gettempdir()}.",
             ) from None
         return path

@@ -128,9 +128,9 @@ class FileCommands(QObject):
         self._write(save, "picture")
 
     def _provenance(self, path: Path, view: View3D) -> Record | None:
-        """Return the provenance of a picture of the view; None if an unsaved draft is shown."""
+        """Return the provenance of a picture of the view; None if a part of it is not saved."""
         scene = self._document.scene
-        if view.frame is None or self._document.drafts.contains(scene.draft_file):
+        if view.frame is None or self._document.unsaved_file:
             return None
         height, width, _ = view.image().shape
         time = view.frame.time

@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from PySide6.QtWidgets import QFileDialog
+from PySide6.QtCore import Signal
+from PySide6.QtGui import QHideEvent
+from PySide6.QtWidgets import QApplication, QFileDialog, QWidget
 
 from spacemap_vtk.app.fields.loads_editor import TIME_DEFAULTS
-from spacemap_vtk.app.fields.record_cards import RecordCards
+from spacemap_vtk.app.fields.record_cards import RecordCard, RecordCards
+from spacemap_vtk.app.widgets import restyle
 from spacemap_vtk.filters.obstacle import SHAPES, Obstacle, Obstacles
 from spacemap_vtk.filters.time_keys import TIME_KEYS
 
@@ -22,8 +25,11 @@ _SIZES: dict[str, dict[str, Any]] = {
     "disc": {"radius": 0.3},
     "mesh": {},
 }
-#: Distance of a new obstacle below the cloth, over the cloth's size.
-_BELOW = 0.3
+#: Distance of the centre of a new obstacle below the cloth, over the cloth's size. The tops are a
+#: tenth of it below; a plane is farther away.
+_BELOW = {"plane": 0.3, "sphere": 0.35, "cylinder": 0.2, "box": 0.25, "disc": 0.1, "mesh": 0.1}
+#: Places of new obstacles are rounded to this share of the cloth's size.
+_DIGITS = 0.01
 #: Keys of a motion.
 _MOTION = ("time", "start", "rise", "times", "values", "frequency")
 assert set(_SIZES) == set(SHAPES)
@@ -32,24 +38,79 @@ assert set(_SIZES) == set(SHAPES)
 class ObstaclesEditor(RecordCards):
     """Cards of the obstacles, each with its shape, place, friction and motion."""
 
+    # One card can be selected, by a click on it or into one of its fields.
+
+    #: Number and `Obstacle` of the selected card, also after a change of its values; or None, None.
+    selected = Signal(object, object)
+
     def __init__(self, parameter: Obstacles) -> None:
         super().__init__(parameter, SHAPES)
-        #: Size of the cloth [m], of which new obstacles are made, and its middle.
-        self.size, self.middle = 0.1, (0.0, 0.0, 0.0)
+        self._obstacles: Sequence[Obstacle] = ()
+        self._selected: int | None = None
+        QApplication.instance().focusChanged.connect(self._select_focused)
+        #: Size of the cloth [m], its lowest point below its middle, and the direction of gravity.
+        self.size, self.lowest, self.down = 0.1, np.zeros(3), np.array([0.0, 0.0, -1.0])
 
     def first_values(self, kind: str) -> dict[str, Any]:
         """Return the first values of a new obstacle: below the cloth, and smaller."""
-        x, y, z = self.middle
-        reach = _SIZES[kind].get("radius", 0.0) if kind in ("sphere", "cylinder") else 0.0
-        center = [x, y, z - self.size * (_BELOW if kind == "plane" else 0.1 + reach)]
-        return {"shape": kind, "center": [_rounded(c) for c in center], **self._sized(kind)}
+        center = self.lowest + self.size * _BELOW[kind] * self.down
+        step = 10.0 ** np.floor(np.log10(self.size * _DIGITS))
+        values = {"shape": kind, "center": [_rounded(round(c / step) * step) for c in center]}
+        up = [_rounded(part) + 0.0 for part in -self.down]
+        if up != [0.0, 0.0, 1.0] and kind in ("plane", "disc", "box"):
+            values["normal" if kind == "plane" else "axis"] = up
+        return {**values, **self._sized(kind)}
 
-    def set_bounds(self, bounds: Sequence[float]) -> None:
-        """Set the bounds of the cloth [m], to which new obstacles are fitted."""
+    def select(self, number: int | None) -> None:
+        """Select the card of an obstacle, or none."""
+        if number != self._selected:
+            self._selected = number
+            self._show_selected()
+
+    def show_value(self, value: Sequence[Obstacle]) -> None:
+        """Show the obstacles on cards; the selected one stays selected while none is removed."""
+        super().show_value(value)
+        if self._selected is not None and len(value) < len(self._obstacles):
+            self._selected = None
+        changed, self._obstacles = value != self._obstacles, value
+        if changed:
+            self._show_selected()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Select nothing while another page is shown."""
+        super().hideEvent(event)
+        if not event.spontaneous():
+            self.select(None)
+
+    def _insert_card(self, card: RecordCard) -> None:
+        super()._insert_card(card)
+        card.pressed.connect(self.select)
+
+    def _add(self, action: Any) -> None:
+        before = len(self.cards)
+        super()._add(action)
+        if len(self.cards) > before:
+            self.select(before)
+
+    def _select_focused(self, _before: QWidget | None, now: QWidget | None) -> None:
+        for card in self.cards if now is not None else ():
+            if card.isAncestorOf(now):
+                self.select(card.number)
+
+    def _show_selected(self) -> None:
+        number = self._selected
+        for card in self.cards:
+            card.setProperty("selected", card.number == number)
+            restyle(card)
+        self.selected.emit(number, None if number is None else self._obstacles[number])
+
+    def set_bounds(self, bounds: Sequence[float], gravity: Sequence[float]) -> None:
+        """Set bounds [m] and gravity of the cloth; new obstacles fit to it and lie below it."""
         low, high = np.reshape(bounds, (3, 2)).T
         self.size = float((high - low).max()) or self.size
-        x, y, z = ((low + high) / 2).tolist()
-        self.middle = x, y, z
+        if any(gravity):
+            self.down = np.array(gravity) / np.linalg.norm(gravity)
+        self.lowest = (low + high) / 2 + (np.abs(self.down) @ (high - low) / 2) * self.down
 
     def kind_of(self, record: Obstacle) -> str:
         """Return the shape of an obstacle."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QComboBox, QFrame, QLabel, QMenu, QToolButton, QWidget
 
 from spacemap_vtk.app.fields.editor import Editor, ignore_wheel
@@ -70,7 +71,7 @@ class RecordCards(Editor):
         self._tables = [{k: _as_written(v) for k, v in r._values.items()} for r in value]
 
     def _insert_card(self, card: RecordCard) -> None:
-        card.edited.connect(self._change)
+        card.edited.connect(self.change)
         card.dragging.connect(self.dragging)
         card.restored.connect(self.restored)
         self._layout.insertWidget(card.number, card)
@@ -86,7 +87,8 @@ class RecordCards(Editor):
     def _add(self, action: Any) -> None:
         self.edited.emit([*self._tables, self.first_values(action.data())], 0)
 
-    def _change(self, number: int, changes: dict[str, Any] | None, burst: int) -> None:
+    def change(self, number: int, changes: dict[str, Any] | None, burst: int = 0) -> None:
+        """Emit the records with some values of one changed, or without it."""
         tables = [dict(table) for table in self._tables]
         if changes is None:
             del tables[number]
@@ -101,6 +103,8 @@ class RecordCard(QFrame):
 
     #: Index of the record, changed values (None removes the record), and burst.
     edited = Signal(int, object, int)
+    #: Index of the record on whose card the mouse was pressed.
+    pressed = Signal(int)
     dragging = Signal(bool)
     #: As `Editor.restored`.
     restored = Signal()
@@ -137,6 +141,10 @@ class RecordCard(QFrame):
             self.kind.setCurrentIndex(self.kind.findData(self._owner.kind_of(record)))
         for name, shown in self.rows.items():
             shown.show_value(getattr(record, name), name not in record._values)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        super().mousePressEvent(event)
+        self.pressed.emit(self.number)
 
     def _change_kind(self, _index: int) -> None:
         chosen = self.kind.currentData()

@@ -74,6 +74,8 @@ class Properties(QScrollArea):
     dragging = Signal(bool)
     #: The shown section, which shall be switched on.
     switched_on = Signal(str)
+    #: Number and `Obstacle` of the selected card, see `ObstaclesEditor.selected`.
+    obstacle_selected = Signal(object, object)
 
     def __init__(self, document: Document) -> None:
         super().__init__(widgetResizable=True)
@@ -87,8 +89,10 @@ class Properties(QScrollArea):
         self._results: dict[str, dict[str, Any]] = {}
         #: Values that the last run used for automatic parameters, by section and name.
         self._in_use: dict[str, Mapping[str, Any]] = {}
-        #: Bounds of the object [m], see `set_bounds`.
-        self._bounds: tuple[float, ...] = (-0.05, 0.05) * 3
+        #: Bounds of the object [m] and gravity, see `set_bounds`.
+        self._bounds: tuple[Sequence[float], Sequence[float]] = (-0.05, 0.05) * 3, (0.0, 0.0, -1.0)
+        #: Editor of the obstacles; made with its page.
+        self._obstacles: ObstaclesEditor | None = None
         self._next_limits = 0.0
         #: The last settings of which feasible intervals were computed, and these intervals.
         self._feasible: deque[tuple[dict[str, Any], dict[str, tuple[float, float]]]] = deque(
@@ -182,12 +186,23 @@ class Properties(QScrollArea):
         """The values of the section that are written in the scene file."""
         return self._document.values.get(self.section, {})
 
-    def set_bounds(self, bounds: Sequence[float]) -> None:
-        """Set the bounds of the object [m], to which new obstacles are fitted."""
-        self._bounds = tuple(bounds)
-        for row in self.rows.values():
-            if isinstance(row.editor, ObstaclesEditor):
-                row.editor.set_bounds(bounds)
+    def set_bounds(self, bounds: Sequence[float], gravity: Sequence[float]) -> None:
+        """Set bounds [m] and gravity of the object; new obstacles fit to it and lie below it."""
+        self._bounds = bounds, gravity
+        if self._obstacles is not None:
+            self._obstacles.set_bounds(bounds, gravity)
+
+    def select_obstacle(self, number: int | None = None) -> None:
+        """Select the card of an obstacle, if its page has been shown, or none."""
+        if self._obstacles is not None:
+            self._obstacles.select(number)
+            if number is not None:
+                self.ensureWidgetVisible(self._obstacles.cards[number])
+
+    def move_obstacle(self, number: int, changes: dict[str, Any]) -> None:
+        """Change values of an obstacle whose handle the mouse has moved."""
+        if self._obstacles is not None:
+            self._obstacles.change(number, changes)
 
     def _show_value(self, row: ParameterRow) -> None:
         name = row.parameter.name
@@ -201,8 +216,9 @@ class Properties(QScrollArea):
         if isinstance(parameter, Loads):
             editor = LoadsEditor(parameter)
         elif isinstance(parameter, Obstacles):
-            editor = ObstaclesEditor(parameter)
-            editor.set_bounds(self._bounds)
+            editor = self._obstacles = ObstaclesEditor(parameter)
+            editor.set_bounds(*self._bounds)
+            editor.selected.connect(self.obstacle_selected)
         else:
             editor = make_editor(parameter)
         if isinstance(editor, FileEditor):
@@ -274,6 +290,7 @@ class Properties(QScrollArea):
             self._show_relevant_rows()
 
     def _clear_results(self) -> None:
+        self.select_obstacle(None)
         self._results, self._in_use = {}, {}
         self._next_limits = 0.0  # show the new scene's intervals without delay
         for row in self.rows.values():

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkInteractorStyle
 
 from spacemap_vtk.app.view.canvas import Canvas
+from spacemap_vtk.app.view.obstacle_tool import ObstacleTool
 from spacemap_vtk.app.view.pick import Pick, read_point, read_sheet
 from spacemap_vtk.app.view.preview import Preview
 from spacemap_vtk.app.widgets import single_shot
@@ -94,6 +95,7 @@ class View3D(QWidget):
         self.last_cut: Cut | None = None
         #: Handle that moves the clip plane; created with the first cut.
         self.handle: ClipHandle | None = None
+        self.obstacles = ObstacleTool(self)
         #: View settings of the scene, and the same with the background of the window's theme.
         self._scene_settings: View | None = None
         self._view: View | None = None
@@ -127,6 +129,8 @@ class View3D(QWidget):
         ]
         #: Values of the source of the last fine frame, and the size of its object in m.
         self._source_state: tuple[object, float] = None, 0.0
+        #: Whether the whole scene is to be in view after the next change of its values.
+        self.fits_change = False
         #: Values of the last drawn scene.
         self._drawn_values: dict[str, Any] | None = None
         #: State for which the camera was aimed: fraction of the width for the colour scale, whether
@@ -141,6 +145,7 @@ class View3D(QWidget):
         self._set_view_settings(view)
         if first:
             self._drawn_values = frame.values  # the camera is aimed below
+            self.fits_change = False
             self.last_cut = None
             self.clear_picks()
         self.refresh(render=False)
@@ -157,6 +162,7 @@ class View3D(QWidget):
         if self.handle is not None:
             self.handle.show(False)
         self._cut = None, None
+        self.obstacles.select(None, None)
         self.scene_view.hide()
         self.render()
 
@@ -257,6 +263,7 @@ class View3D(QWidget):
 
     def _prepare_drawing(self) -> None:
         self._place_signs()
+        self.obstacles.fit()
         # With software rendering, smooth edges (FXAA) take a third of a frame's time, whatever is
         # drawn; MSAA would take as long as everything else. While something moves, they are drawn
         # only if pictures are quick, and with fewer search steps.
@@ -297,6 +304,8 @@ class View3D(QWidget):
         key = frame.generation, view.clip_normal, view.clip_origin
         if key != self._cut[0]:
             self._cut = key, self._place_handle(cut_of(view, frame.surface))
+        self.obstacles.place(view.obstacles)
+        self.canvas.front.SetDraw(view.loads or self.obstacles.has_handle)
         self._suspend_shadows()
         self.options.fabric = view.show != "cage" or frame.cage is None
         self.options.cage = view.show != "fabric"
@@ -307,7 +316,6 @@ class View3D(QWidget):
         aimed_for = self.scene_view.scale_width, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
-            self.canvas.front.SetDraw(view.loads)
             self._aim_again()
         sources = [frame.values.get(section) for section in self._sources]
         if (
@@ -317,9 +325,10 @@ class View3D(QWidget):
             before, self._source_state = self._source_state[1], (sources, size)
             if not 0.7 * size < before < 1.4 * size:
                 self._aim_again()
-        if frame.values != self._drawn_values and self._is_out_of_view:
+        if frame.values != self._drawn_values and (self.fits_change or self._is_out_of_view):
             # A change of the scene may have moved everything out of the view.
             self.reset_camera(None)
+            self.fits_change = False
         self._drawn_values = frame.values
         if render:
             self.render()
@@ -357,6 +366,11 @@ class View3D(QWidget):
         before, distance = self.last_cut or np.inf, self.canvas.camera.distance
         if done and abs(np.subtract((normal, origin), before) / [[1.0], [distance]]).max() > 1e-5:
             self.clipped.emit(normal, origin)
+
+    @property
+    def shows_obstacles(self) -> bool:
+        """Whether the view shows the obstacles of the scene."""
+        return self._view is not None and self._view.obstacles and not self._is_scene_closed
 
     def render(self) -> None:
         """Ask Qt to draw the view soon."""
@@ -523,6 +537,10 @@ class View3D(QWidget):
         if side is not None:
             self.reset_camera(side)
             return
+        obstacle = self.obstacles.number_at(at)
+        if obstacle is not None:
+            self.obstacles.chosen.emit(obstacle)
+            return
         point = self.pick(at.x(), at.y())
         if point is not None:
             self.add_pick(point, alone=not adding)
@@ -556,7 +574,9 @@ class View3D(QWidget):
             self.frame = None
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Distinguish clicks from drags; VTK receives both."""
+        """Distinguish clicks from drags; VTK receives both, but not those of a handle."""
+        if self.obstacles.use_event(event):
+            return True
         if event.type() == QEvent.Type.MouseButtonPress:
             if event.button() == Qt.MouseButton.LeftButton:
                 self._press_position = event.position()

@@ -23,6 +23,7 @@ _PARTS = (
     ("supports", "Supports", "S", "solver"),
     ("loads", "Loads", "L", "mover"),
     ("ghost", "Ghost", "G", "warp"),
+    ("obstacles", "Obstacles", "B", ""),
     ("triad", "Axes", "", ""),
     ("scale_bar", "Scale bar", "", ""),
 )
@@ -89,14 +90,14 @@ class ViewBar(QToolBar):
                 shown.setChecked(getattr(view.options, name))
             else:
                 self.addAction(shown)
-                self.eye_actions[role] = shown
+                if role:
+                    self.eye_actions[role] = shown
             self.part_actions[name] = shown
         tip = "Start the motion from the equilibrium under gravity and dead loads (H)"
         self.hang = action(self, "Hang", self.hang_toggled, "H", tip, checkable=True)
         self.addAction(self.hang)
-        tip = "Let go of the supports: the cage falls onto its obstacles and settles (Shift+H)"
         #: Only in the menu, as the bar has no room.
-        self.drop = action(self, "Drop", lambda _: self.drop_asked.emit(), "Shift+H", tip)
+        self.drop = action(self, "Drop", lambda _: self.drop_asked.emit(), "Shift+H")
         # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
         # if there is room.
         self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
@@ -224,11 +225,19 @@ class ViewBar(QToolBar):
         supports.setEnabled(has_supports)
         supports.setChecked(has_supports and supports.isChecked())
         supports.setToolTip("Show the supports (S)" if has_supports else "There are no supports")
+        # Only with obstacles: the bar has little room.
+        self.part_actions["obstacles"].setVisible(solved and bool(scene.modal.obstacles))
         self._required = [name for name in _WINDOW_PARTS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.is_hung)
         self.hang.setEnabled(solved or not scene.moves)
-        self.drop.setEnabled(solved and bool(scene.modal.obstacles))
+        can_drop = solved and bool(scene.modal.obstacles)
+        self.drop.setEnabled(can_drop)
+        self.drop.setToolTip(
+            "Let go of the supports: the cage falls as it is shown and settles on its obstacles"
+            if can_drop
+            else "Add an obstacle to fall on first: Modal solver > Add obstacle"
+        )
 
     @property
     def all_actions(self) -> list[QAction]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact, Friction, ObstacleTerm
 from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, EnergyTerm
-from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refine
+from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refine, restrict
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -48,6 +48,7 @@ def find_resting_state(
     forces: Floats,
     progress: Progress | None = None,
     start: Resting | None = None,
+    released: Floats | None = None,
 ) -> Resting:
     """Find the equilibrium of an undeformed body under dead loads, on its obstacles.
 
@@ -65,6 +66,8 @@ def find_resting_state(
         Called with the share that is done, 0 to 1; may raise to stop.
     start : Resting, optional
         State from which the loads change, with its friction; by default the undeformed one.
+    released : ndarray of float64, shape (V, 3), optional
+        Without a start, displacement [m] from which the body falls; by default it is undeformed.
 
     Returns
     -------
@@ -88,16 +91,21 @@ def find_resting_state(
         rested = rested_terms(obstacles_of(model), model.points + guess, start.anchors)
         frictions = [term.friction for term in rested if isinstance(term, ObstacleTerm)]
     elif coarse is not None and coarse.pencil.size >= _FEWEST:
-        found = find_resting_state(coarse, coarsen_loads(coarse, model, forces), progress)
+        before = None if released is None else restrict(coarse, model, released)
+        shared = coarsen_loads(coarse, model, forces)
+        found = find_resting_state(coarse, shared, progress, released=before)
         guess = refine(coarse, model, found.displacement)
         frictions = _refine_friction(coarse, model, found, guess)
     pencil, surface = model.pencil, model.pencil.surface
     load = forces.reshape(-1, 3) / model.modulus
     load = load if surface is None else 2 * surface.to_nodes(load)
     undeformed = pencil.nodes.positions
-    moved = np.zeros_like(undeformed)
-    if guess is not None:
-        moved = guess if surface is None else surface.to_nodes(guess)
+
+    def to_positions(moved: Floats | None) -> Floats | None:
+        if moved is None:
+            return None
+        return undeformed + (moved if surface is None else surface.to_nodes(moved))
+
     contacts = [
         term.replace(friction=friction).in_model_nodes(surface, 1 / model.modulus)
         for term, friction in zip(obstacles_of(model), frictions, strict=True)
@@ -110,8 +118,9 @@ def find_resting_state(
         [DeadLoad(load, undeformed)],
         pencil.mass.diagonal(),
         pencil.nodes.translate,
-        guess=None if guess is None else undeformed + moved,
+        guess=to_positions(guess),
         near=start is not None,
+        released=to_positions(released),
         progress=progress,
     )
     moved = result.positions - undeformed

@@ -80,13 +80,15 @@ def settle(
     *,
     guess: Floats | None = None,
     near: bool = False,
+    released: Floats | None = None,
     progress: Progress | None = None,
     steps: int = 2400,
 ) -> Settled:
     """Find a stable equilibrium of a body on obstacles under loads."""
     # `mass` (N,) is that of each free coordinate, `translate` (V,) tells which nodes are positions.
     # From a guess of the positions, (V, 3), the springs have their full stiffness at once; `near`
-    # tells that it is a balance under loads that differ little. For the other arguments see
+    # tells that it is a balance under loads that differ little. Without a guess, the body falls
+    # from the positions `released`, by default the undeformed ones. For the other arguments see
     # `find_equilibrium`.
     given = list(contacts)
     with blas_threads.use_one_thread():
@@ -105,7 +107,8 @@ def settle(
             z, decades = guess, np.ones(1)
             system.inertia_scale = _NEAR_INERTIA
         else:
-            z, decades = start, _decades(given, total, size)
+            z = start if released is None else released
+            decades = _decades(given, total, size)
         current = _soften(given, decades[0])
         if guess is None and basis.shape[0] == basis.shape[1] and total > 0.0:
             z = fall(current, z, forces[translate].sum(axis=0), translate, size)

@@ -87,6 +87,14 @@ def refine(coarse: Model, fine: Model, moved: Floats) -> Floats:
     return np.where(fine.free.reshape(-1, 3), result, 0.0)
 
 
+def restrict(coarse: Model, fine: Model, moved: Floats) -> Floats:
+    """Return the displacement of the vertices that `coarsen` keeps, (V, 3), from that of all."""
+    result = np.empty_like(coarse.points)
+    for old, new in _ends_in_grids(coarse, fine):
+        result[old] = moved[new][np.ix_(*(_kept_lines(count) for count in new.shape))]
+    return result
+
+
 def _ends_in_grids(coarse: Model, fine: Model) -> Iterator[tuple[Ints, Ints]]:
     """Yield the vertices at the upper and lower ends of pairs, in rows and columns of both."""
     grids = []
