@@ -8,13 +8,15 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from vtkmodules.vtkRenderingCore import vtkCellPicker
 
+from spacemap_vtk.app.view.canvas import Canvas
 from spacemap_vtk.datasets.modal_model import bodies_of
+from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.scene_view import SceneView
 from spacemap_vtk.filters.obstacle import Obstacle
 from spacemap_vtk.filters.obstacle_surfaces import ENDLESS
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.view.obstacle_handle import ObstacleHandle
-    from spacemap_vtk.app.view.view3d import View3D
 
 
 class ObstacleTool(QObject):
@@ -24,10 +26,17 @@ class ObstacleTool(QObject):
     moved = Signal(int, object)
     #: Number of the obstacle that was clicked; None for Esc, which puts the handle away.
     chosen = Signal(object)
+    #: Whether the mouse holds the handle, when this changes.
+    held = Signal(bool)
+    #: The view must be drawn again.
+    changed = Signal()
 
-    def __init__(self, view: View3D) -> None:
-        super().__init__(view)
-        self._view = view
+    def __init__(self, canvas: Canvas, scene_view: SceneView) -> None:
+        super().__init__(canvas)
+        self._canvas, self._scene_view = canvas, scene_view
+        #: The shown frame, and whether it shows obstacles.
+        self._frame: Frame | None = None
+        self._are_shown = False
         #: Created with the first selected obstacle.
         self.handle: ObstacleHandle | None = None
         self._selected: tuple[int, Obstacle] | None = None
@@ -35,30 +44,34 @@ class ObstacleTool(QObject):
     def select(self, number: int | None, obstacle: Obstacle | None) -> None:
         """Show the handle of an obstacle of the scene, or none."""
         self._selected = None if number is None or obstacle is None else (number, obstacle)
-        self.place(self._view.shows_obstacles)
-        self._view.render()
+        self._place_handle()
+        self.changed.emit()
 
-    def place(self, shown: bool) -> None:
+    def show_frame(self, frame: Frame | None, shown: bool) -> None:
+        """Follow a frame of the view, which shows obstacles or does not."""
+        self._frame, self._are_shown = frame, shown
+        self._place_handle()
+
+    def _place_handle(self) -> None:
         """Put the handle on the selected obstacle, unless the mouse holds it."""
+        cage = self._frame.cage if self._frame is not None and self._are_shown else None
         if self._is_held:
             return
-        frame = self._view.frame
-        if self._selected is not None and shown and frame is not None and frame.cage is not None:
+        if self._selected is not None and cage is not None:
             if self.handle is None:
                 # Imported only here, as it loads VTK's filters; most scenes have no obstacles.
                 from spacemap_vtk.app.view.obstacle_handle import ObstacleHandle
 
-                canvas = self._view.canvas
-                self.handle = ObstacleHandle(canvas.renderer, canvas.front)
-            self.handle.place(self._selected[1], frame.cage)
+                self.handle = ObstacleHandle(self._canvas.renderer, self._canvas.front)
+            self.handle.place(self._selected[1], cage)
         elif self.handle is not None:
             self.handle.show(False)
 
     def fit(self) -> None:
         """Give the handle its size on the screen, before each drawing."""
         if self.handle is not None:
-            pixels = self._view.canvas.devicePixelRatioF()
-            self.handle.fit(round(pixels * self._view.canvas.height()), pixels)
+            pixels = self._canvas.devicePixelRatioF()
+            self.handle.fit(round(pixels * self._canvas.height()), pixels)
 
     @property
     def has_handle(self) -> bool:
@@ -71,7 +84,7 @@ class ObstacleTool(QObject):
 
     def number_at(self, at: QPointF) -> int | None:
         """Return the number of the obstacle that is seen at a position in the widget."""
-        view, shown, frame = self._view, self._view.scene_view, self._view.frame
+        shown, frame = self._scene_view, self._frame
         if frame is None or frame.cage is None or frame.obstacles is None:
             return None
         picker = vtkCellPicker()
@@ -80,7 +93,7 @@ class ObstacleTool(QObject):
         for actor in (shown.bodies, shown.planes, shown.surface, shown.sheet):
             if actor.GetVisibility():
                 picker.AddPickList(actor)
-        if not picker.Pick(*self._device_position(at), 0.0, view.canvas.renderer):
+        if not picker.Pick(*self._device_position(at), 0.0, self._canvas.renderer):
             return None
         endless = picker.GetActor() is shown.planes
         if not endless and picker.GetActor() is not shown.bodies:
@@ -91,12 +104,14 @@ class ObstacleTool(QObject):
         shapes = [body["shape"] for body in bodies_of(frame.cage)]
         return [k for k, shape in enumerate(shapes) if (shape == ENDLESS) == endless][part]
 
-    def use_event(self, event: QEvent) -> bool:
+    def use_event(self, event: QEvent, escapes: bool) -> bool:
         """Let a mouse or key event change the handle; return whether it is used up."""
+        # Esc always ends a drag; it puts the handle away only if it `escapes`.
         if not self.has_handle:
             return False
         if isinstance(event, QKeyEvent):
-            return event.key() == Qt.Key.Key_Escape and self._use_escape(event)
+            is_escape = event.key() == Qt.Key.Key_Escape and (escapes or self._is_held)
+            return is_escape and self._use_escape(event)
         if isinstance(event, QMouseEvent):
             return self._use_mouse(event, *self._device_position(event.position()))
         return False
@@ -107,24 +122,24 @@ class ObstacleTool(QObject):
         is_left = event.button() == Qt.MouseButton.LeftButton
         if kind == QEvent.Type.MouseMove and handle.held is not None:
             handle.drag(x, y)
-            self._view.render()
+            self.changed.emit()
         elif kind == QEvent.Type.MouseMove:
             part = None if event.buttons() else self._part_at(x, y)
             if part is not None:
-                self._view.canvas.setCursor(Qt.CursorShape.PointingHandCursor)
+                self._canvas.setCursor(Qt.CursorShape.PointingHandCursor)
             else:
-                self._view.canvas.unsetCursor()
+                self._canvas.unsetCursor()
             return False
         elif kind == QEvent.Type.MouseButtonPress and is_left and handle.held is None:
             part = self._part_at(x, y)
             if part is None:
                 return False
-            self._view.canvas.setFocus()  # for Esc
+            self._canvas.setFocus()  # for Esc
             handle.hold(part, x, y)
-            self._view.steer(True)
+            self.held.emit(True)
         elif kind == QEvent.Type.MouseButtonRelease and is_left and handle.held is not None:
             changes = handle.release()
-            self._view.steer(False)
+            self.held.emit(False)
             if changes and self._selected is not None:
                 self.moved.emit(self._selected[0], changes)
         else:
@@ -135,23 +150,21 @@ class ObstacleTool(QObject):
         """End the drag with the old value; without a drag, put the handle away."""
         handle = self.handle
         assert handle is not None
-        if handle.held is None and self._view.picks:
-            return False  # the key first clears the picked points
         if event.type() == QEvent.Type.ShortcutOverride:
             event.accept()  # so that the key comes here and triggers no action
         elif event.type() == QEvent.Type.KeyPress and handle.held is not None:
             handle.cancel()
-            self._view.steer(False)
-            self._view.render()
+            self.held.emit(False)
+            self.changed.emit()
         elif event.type() == QEvent.Type.KeyPress:
             self.chosen.emit(None)
         return True
 
     def _part_at(self, x: float, y: float) -> str | int | None:
         assert self.handle is not None
-        return self.handle.part_at(x, y, self._view.canvas.devicePixelRatioF())
+        return self.handle.part_at(x, y, self._canvas.devicePixelRatioF())
 
     def _device_position(self, at: QPointF) -> tuple[float, float]:
         """Return a position in the widget in device pixels from the bottom, as VTK counts."""
-        ratio, height = self._view.canvas.devicePixelRatioF(), self._view.canvas.height()
+        ratio, height = self._canvas.devicePixelRatioF(), self._canvas.height()
         return at.x() * ratio, (height - 1 - at.y()) * ratio

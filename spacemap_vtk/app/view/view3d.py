@@ -83,6 +83,10 @@ class View3D(QWidget):
         #: All that is drawn except the clip plane's handle and the marks of picked points.
         self.scene_view = SceneView(self.canvas.renderer, has_shadows=False, samples=FINE_SAMPLES)
         self.canvas.front.AddActor(self.scene_view.loads.pale_copy)
+        #: The selected obstacle and its handle.
+        self.obstacles = ObstacleTool(self.canvas, self.scene_view)
+        self.obstacles.held.connect(self.steer)
+        self.obstacles.changed.connect(self._show_handle)
         self._place_signs = self.scene_view.annotations.detach_from_camera()
         self.canvas.shade.unshaded_areas = self.scene_view.annotations.boxes
         #: Marks of the picked points.
@@ -95,7 +99,6 @@ class View3D(QWidget):
         self.last_cut: Cut | None = None
         #: Handle that moves the clip plane; created with the first cut.
         self.handle: ClipHandle | None = None
-        self.obstacles = ObstacleTool(self)
         #: View settings of the scene, and the same with the background of the window's theme.
         self._scene_settings: View | None = None
         self._view: View | None = None
@@ -304,7 +307,7 @@ class View3D(QWidget):
         key = frame.generation, view.clip_normal, view.clip_origin
         if key != self._cut[0]:
             self._cut = key, self._place_handle(cut_of(view, frame.surface))
-        self.obstacles.place(view.obstacles)
+        self.obstacles.show_frame(frame, view.obstacles)
         self.canvas.front.SetDraw(view.loads or self.obstacles.has_handle)
         self._suspend_shadows()
         self.options.fabric = view.show != "cage" or frame.cage is None
@@ -367,10 +370,11 @@ class View3D(QWidget):
         if done and abs(np.subtract((normal, origin), before) / [[1.0], [distance]]).max() > 1e-5:
             self.clipped.emit(normal, origin)
 
-    @property
-    def shows_obstacles(self) -> bool:
-        """Whether the view shows the obstacles of the scene."""
-        return self._view is not None and self._view.obstacles and not self._is_scene_closed
+    def _show_handle(self) -> None:
+        """Draw the handle of an obstacle, which has changed."""
+        loads = self._view is not None and self._view.loads
+        self.canvas.front.SetDraw(loads or self.obstacles.has_handle)
+        self.render()
 
     def render(self) -> None:
         """Ask Qt to draw the view soon."""
@@ -570,12 +574,13 @@ class View3D(QWidget):
             self.canvas.removeEventFilter(self)
             if self.handle is not None:
                 self.handle.close()
+            self.obstacles.show_frame(None, False)
             self.canvas.close()
             self.frame = None
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Distinguish clicks from drags; VTK receives both, but not those of a handle."""
-        if self.obstacles.use_event(event):
+        if self.obstacles.use_event(event, escapes=not self.picks):
             return True
         if event.type() == QEvent.Type.MouseButtonPress:
             if event.button() == Qt.MouseButton.LeftButton:
