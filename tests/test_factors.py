@@ -15,7 +15,7 @@ from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import factors
 from spacemap_vtk.mechanics.linalg.factors import factorise
-from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
+from spacemap_vtk.mechanics.linalg.fronts import Analysis
 
 #: Package of each library, and the function that uses it.
 LIBRARIES = {"cholmod": "sksparse", "pardiso": "pypardiso", "multifrontal": "numpy"}

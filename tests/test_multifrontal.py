@@ -13,13 +13,9 @@ from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import multifrontal
-from spacemap_vtk.mechanics.linalg.multifrontal import (
-    Analysis,
-    Cholesky,
-    count_negative_eigenvalues,
-    dissect_by_levels,
-    nested_dissection,
-)
+from spacemap_vtk.mechanics.linalg.factors import factorise_square
+from spacemap_vtk.mechanics.linalg.fronts import Analysis, dissect_by_levels, nested_dissection
+from spacemap_vtk.mechanics.linalg.multifrontal import Cholesky, count_negative_eigenvalues
 
 
 @pytest.fixture(params=["metis", "levels"], autouse=True)
@@ -63,6 +59,40 @@ def test_factors_of_random_patterns_solve(density):
             B = (A - shift * sp.identity(size)).tocsr()
             exact = (np.linalg.eigvalsh(B.toarray()) < 0).sum()
             assert count_negative_eigenvalues(B, analysis) == exact
+
+
+@pytest.mark.parametrize("compiled", ["always", "never"])
+@pytest.mark.parametrize("density", [0.005, 0.05, 0.5])
+def test_compiled_loops_and_numpy_both_solve(density, compiled, monkeypatch):
+    monkeypatch.setenv("SPACEMAP_COMPILED", compiled)
+    rng = np.random.default_rng(int(1000 * density))
+    for size in (1, 7, 60, 301):
+        A = sp.random(size, size, density, random_state=rng, format="csr")
+        A = (A + A.T).tocsr()  # of a symmetric pattern
+        A.data = rng.standard_normal(A.nnz)
+        A = (A + sp.identity(size) * (abs(A).sum(axis=1).max() + 1)).tocsr()
+        symmetric = (A + A.T).tocsr()
+        right = rng.standard_normal(size)
+        analysis = Analysis(symmetric, np.arange(size))
+        solved = Cholesky(symmetric, analysis).solve(right[:, None])[:, 0]
+        np.testing.assert_allclose(solved, np.linalg.solve(symmetric.toarray(), right), atol=1e-12)
+        solve = factorise_square(A, A.tocsc().data, analysis)
+        assert solve is not None
+        np.testing.assert_allclose(solve(right), np.linalg.solve(A.toarray(), right), atol=1e-12)
+        twice = sp.bmat([[A, 0.5 * A], [0.2 * A, A.T]], format="csr")
+        solve = factorise_square(twice, twice.tocsc().data, analysis.repeat(2))
+        assert solve is not None
+        right = rng.standard_normal(2 * size)
+        np.testing.assert_allclose(
+            solve(right), np.linalg.solve(twice.toarray(), right), atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("compiled", ["always", "never"])
+def test_singular_matrix_has_no_solver(compiled, monkeypatch):
+    monkeypatch.setenv("SPACEMAP_COMPILED", compiled)
+    singular = sp.csr_matrix(np.ones((3, 3)))
+    assert factorise_square(singular, singular.data, Analysis(singular, np.arange(3))) is None
 
 
 @pytest.mark.parametrize("held", [True, False])

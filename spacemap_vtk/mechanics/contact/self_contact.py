@@ -118,13 +118,15 @@ class SelfContact(EnergyTerm):
         if self._is_near(middle):
             return False
         candidates = self._candidates(middle)
-        found = [self._keys]
-        for each in candidates.fv_candidates:
-            found.append(self._pair_keys([each.vertex_id, *self._faces[each.face_id]]))
-        for each in candidates.ee_candidates:
-            ends = [*self._edges[each.edge0_id], *self._edges[each.edge1_id]]
-            found.append(self._pair_keys(ends))
-        keys = np.unique(np.concatenate(found))
+        corners = [(each.vertex_id, each.face_id) for each in candidates.fv_candidates]
+        sides = [(each.edge0_id, each.edge1_id) for each in candidates.ee_candidates]
+        vertex, face = np.reshape(corners, (-1, 2)).astype(np.int64).T
+        one, other = np.reshape(sides, (-1, 2)).astype(np.int64).T
+        meeting = [
+            np.column_stack([vertex, self._faces[face]]),
+            np.hstack([self._edges[one], self._edges[other]]),
+        ]
+        keys = np.unique(np.concatenate([self._keys, self._pair_keys(np.concatenate(meeting))]))
         if len(keys) == len(self._keys):
             return False
         self._keys = keys
@@ -230,10 +232,11 @@ class SelfContact(EnergyTerm):
             )
         )
 
-    def _pair_keys(self, ids: list[int]) -> Ints:
-        first, second = np.triu_indices(len(ids))
-        given = np.sort(np.asarray(ids, dtype=np.int64))
-        return given[first] * self._count + given[second]
+    def _pair_keys(self, nodes: Ints) -> Ints:
+        """Number the pairs among the four nodes in each row."""
+        first, second = np.triu_indices(4)
+        given = np.sort(nodes, axis=1)
+        return (given[:, first] * self._count + given[:, second]).ravel()
 
 
 class _SelfContactState(TermState):

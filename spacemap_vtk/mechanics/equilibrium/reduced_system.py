@@ -14,8 +14,8 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
-from spacemap_vtk.mechanics.linalg.factors import Solve, factorise, factorise_ordered
-from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
+from spacemap_vtk.mechanics.linalg.factors import Solve, factorise, factorise_square
+from spacemap_vtk.mechanics.linalg.fronts import Analysis, Work
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Share of its diagonal that is added to a stiffness matrix, so that it is regular even if some
@@ -50,29 +50,31 @@ class ReducedSystem:
         self.steps = 0
         self._progress, self._shift = progress, SHIFT
         self._entries = [reduction_entries(term.nodes, self.basis) for term in terms]
+        self._work = Work()
         self._set_pattern()
-        self._order = self._analysis.order
 
     def _set_pattern(self) -> None:
         """Set the sparsity pattern of all tangents from the nodes of the terms."""
-        found = self._entries
-        ends = np.cumsum([9 * term.nodes.size * term.nodes.shape[1] for term in self.terms])
-        self._entry = np.concatenate(
-            [each[0] + first for each, first in zip(found, [0, *ends[:-1]], strict=True)]
-        )
-        self._weight = np.concatenate([each[1] for each in found])
         size = self.basis.shape[1]
-        keys, slots = np.unique(np.concatenate([each[2] for each in found]), return_inverse=True)
-        self._slot, self._columns = slots.ravel(), keys % size
-        self._starts = np.searchsorted(keys, np.arange(size + 1) * size)
-        self.__dict__.pop("_analysis", None)
+        diagonal = np.arange(size) * (size + 1)
+        parts = [each[2] for each in self._entries]
+        keys, slots = np.unique(np.concatenate([diagonal, *parts]), return_inverse=True)
+        ends = np.cumsum([size, *(len(part) for part in parts)])
+        #: Position of each diagonal entry in a matrix, and of the entries of each term.
+        self._diagonal, *self._slots = np.split(slots.ravel(), ends[:-1])
+        # The index type that scipy takes, so that matrices share these arrays.
+        kind = np.int32 if len(keys) < 2**31 else np.int64
+        self._columns = (keys % size).astype(kind)
+        self._starts = np.searchsorted(keys, np.arange(size + 1) * size).astype(kind)
+        self.__dict__.pop("analysis", None)
 
     @cached_property
-    def _analysis(self) -> Analysis:
+    def analysis(self) -> Analysis:
+        """Order of elimination of every tangent."""
         # Rows with the same pattern, those of one vertex or pair, are eliminated together.
         pattern = self._csr(np.ones(len(self._columns), dtype=np.int64))
         names = pattern @ np.random.default_rng(0).integers(1 << 62, size=self.basis.shape[1])
-        return Analysis(pattern, names)
+        return Analysis(pattern, names, self._work)
 
     def follow(self, z: Floats) -> bool:
         """Let the pattern follow positions z, if nodes affect others there; whether it changed."""
@@ -85,12 +87,9 @@ class ReducedSystem:
 
     def _csr(self, values: NDArray[Any]) -> sp.csr_matrix:
         size = self.basis.shape[1]
-        return sp.csr_matrix((values, self._columns, self._starts), shape=(size, size))
-
-    @property
-    def order(self) -> Ints:
-        """Coordinates in the order of elimination, as for the first pattern."""
-        return self._order
+        made = sp.csr_matrix((values, self._columns, self._starts), shape=(size, size))
+        made.has_canonical_format = True
+        return made
 
     def pattern(self) -> sp.csr_matrix:
         """Make a matrix of ones with the sparsity pattern of every tangent."""
@@ -98,8 +97,15 @@ class ReducedSystem:
 
     def assemble(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
         """Assemble Tᵀ M T from matrices (E, 3 n, 3 n) of each term."""
-        values = np.concatenate([block.ravel() for block in blocks])[self._entry]
-        return self._csr(np.bincount(self._slot, values * self._weight, len(self._columns)))
+        total, loops = np.zeros(len(self._columns)), self._work.count(0)
+        for block, slots, (entries, weights, _) in zip(
+            blocks, self._slots, self._entries, strict=True
+        ):
+            if loops is not None:
+                loops.sum_entries(block.ravel(), entries, weights, slots, total)
+            elif len(slots):
+                total += np.bincount(slots, block.ravel()[entries] * weights, len(total))
+        return self._csr(total)
 
     def evaluate(self, z: Floats) -> list[TermState]:
         """Evaluate all terms at positions z."""
@@ -148,7 +154,7 @@ class ReducedSystem:
         """Factorise a positive definite matrix; return its solver."""
         self.report()
         self.steps += 1
-        solve = factorise(self.add_shift(matrix), lambda: self._analysis, self.report).solve
+        solve = factorise(self.add_shift(matrix), lambda: self.analysis, self.report).solve
         return lambda right: solve(right.reshape(len(right), -1)).reshape(right.shape)
 
     def factorise_definite(self, matrix: sp.csr_matrix) -> Solve:
@@ -163,17 +169,10 @@ class ReducedSystem:
 
     def factorise_unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
         """Factorise a possibly unsymmetric matrix of the tangent's pattern; return its solver."""
-        order = self._analysis.order
-        solve = factorise_ordered(self._analysis.reorder(matrix))
+        solve = factorise_square(matrix, matrix.tocsc().data, self.analysis)
         if solve is None:
             raise SolverError("the tangent of this step is singular")
-
-        def solve_reordered(right: Floats) -> Floats:
-            result = np.empty_like(right)
-            result[order] = solve(right[order])
-            return result
-
-        return solve_reordered
+        return solve
 
     def lowest_eigenpair(
         self, matrix: sp.csr_matrix, definite: sp.csr_matrix
@@ -224,9 +223,10 @@ class ReducedSystem:
 
     def add_shift(self, matrix: sp.csr_matrix) -> sp.csr_matrix:
         """Add the shift and the inertia to a tangent, so that it is regular."""
-        return matrix + sp.diags(
-            self._shift * matrix.diagonal() + self.inertia_scale * self.inertia, format="csr"
-        )
+        values, diagonal = matrix.data.copy(), self._diagonal
+        values[diagonal] *= 1.0 + self._shift
+        values[diagonal] += self.inertia_scale * self.inertia
+        return self._csr(values)
 
 
 def reduction_entries(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, Ints]:

@@ -16,7 +16,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from spacemap_vtk.errors import SizeError, SolverError
-from spacemap_vtk.mechanics.linalg.multifrontal import Analysis, Cholesky
+from spacemap_vtk.mechanics.linalg.fronts import Analysis
+from spacemap_vtk.mechanics.linalg.multifrontal import Cholesky, SquareFactors
 from spacemap_vtk.ndarrays import Floats, Progress
 
 Solve = Callable[[Floats], Floats]
@@ -56,13 +57,31 @@ def factorise(
     return Factors(Cholesky(matrix, analysis(), progress).solve, "multifrontal")
 
 
-def factorise_ordered(matrix: sp.csc_matrix) -> Solve | None:
-    """Factorise a nearly symmetric matrix in its order with SuperLU; None if it is singular."""
-    options = {"SymmetricMode": True}
+def factorise_square(matrix: sp.csr_matrix, mirrored: Floats, analysis: Analysis) -> Solve | None:
+    """Factorise an unsymmetric matrix of a symmetric pattern; None if it is singular."""
+    # `mirrored` are the values at the mirror image of the matrix's entries.
+    loops = analysis.past_work.count(2 * analysis.entries)
     try:
-        return splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options=options).solve
-    except RuntimeError:
+        if loops is None:
+            return _superlu(matrix, analysis)
+        mirror = sp.csr_matrix((mirrored, matrix.indices, matrix.indptr), shape=matrix.shape)
+        upper = analysis.reorder(mirror, lower=True).data
+        return SquareFactors(analysis.reorder(matrix, lower=True), upper, analysis, loops).solve
+    except (RuntimeError, SolverError):
         return None
+
+
+def _superlu(matrix: sp.csr_matrix, analysis: Analysis) -> Solve:
+    options = {"SymmetricMode": True}
+    ordered = analysis.reorder(matrix)
+    factors = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.01, options=options)
+
+    def solve(right: Floats) -> Floats:
+        solution = np.empty_like(right)
+        solution[analysis.order] = factors.solve(right[analysis.order])
+        return solution
+
+    return solve
 
 
 def cholmod(matrix: sp.csr_matrix) -> Solve:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
 
     from spacemap_vtk.mechanics.linalg.factors import Factors, Solve
-    from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
+    from spacemap_vtk.mechanics.linalg.fronts import Analysis
 
 
 #: A rigid motion moves a held component by rounding alone if it moves it by at most this share of
@@ -212,7 +212,7 @@ class Pencil:
     @cached_property
     def analysis(self) -> Analysis:
         """Symbolic factorisation of the pattern of K and M, computed once."""
-        from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
+        from spacemap_vtk.mechanics.linalg.fronts import Analysis
 
         node = self.basis.indices[self.basis.indptr[:-1]] // 3
         together = node if self.nodes is None else node % len(self.nodes.groups)

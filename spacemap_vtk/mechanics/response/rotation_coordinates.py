@@ -393,6 +393,6 @@ def _factorise(matrix: csr_matrix) -> Callable[[Floats], Floats]:
         inverse = np.linalg.inv(matrix.toarray())
         return lambda right: inverse @ right
     from spacemap_vtk.mechanics.linalg.factors import factorise
-    from spacemap_vtk.mechanics.linalg.multifrontal import Analysis
+    from spacemap_vtk.mechanics.linalg.fronts import Analysis
 
     return factorise(matrix, lambda: Analysis(matrix, np.arange(matrix.shape[0]))).solve

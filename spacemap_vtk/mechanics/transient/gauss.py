@@ -40,8 +40,8 @@ import scipy.sparse as sp
 from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, TermStep
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
-from spacemap_vtk.mechanics.linalg.factors import Solve, factorise_ordered
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.mechanics.linalg.factors import Solve, factorise_square
+from spacemap_vtk.ndarrays import Floats
 
 #: Times of the two stages, as shares of the step. Their weights are ½, ½.
 STAGES = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6])
@@ -593,27 +593,22 @@ class _StageSystem:
             ],
             format="csr",
         )
-        #: Unknowns in the order of elimination; the two of a coordinate are neighbours.
-        self._order: Ints = (system.order[:, None] + [0, size]).ravel()
-        ordered = blocks[self._order][:, self._order].tocsc()
-        self._entries = ordered.data.astype(np.int64) - 1
-        self._rows, self._starts = ordered.indices, ordered.indptr
+        self._analysis = system.analysis.repeat(2)
+        #: Where the entries of these systems, and their mirror images, are in the tangents.
+        self._entries = blocks.data.astype(np.int64) - 1
+        self._mirrored = blocks.tocsc().data.astype(np.int64) - 1
+        self._columns, self._starts = blocks.indices, blocks.indptr
 
     def solution(self, tangents: Floats, heavy: Floats) -> Solve | None:
         """Factorise tangents (2, 2, n) plus mass times factors (2, 2); None if singular."""
-        values = (tangents + heavy[:, :, None] * self._mass).ravel()[self._entries]
+        values = (tangents + heavy[:, :, None] * self._mass).ravel()
         shape = self._size, self._size
-        matrix = sp.csc_matrix((values, self._rows, self._starts), shape=shape)
-        solve = factorise_ordered(matrix)
+        matrix = sp.csr_matrix((values[self._entries], self._columns, self._starts), shape=shape)
+        matrix.has_canonical_format = True
+        solve = factorise_square(matrix, values[self._mirrored], self._analysis)
         if solve is None:
             return None
-
-        def solve_reordered(right: Floats) -> Floats:
-            result = np.empty(self._size)
-            result[self._order] = solve(right.ravel()[self._order])
-            return result.reshape(2, -1)
-
-        return solve_reordered
+        return lambda right: solve(right.ravel()).reshape(2, -1)
 
 
 def _end_position(position: Floats, moves: Floats) -> Floats:
