@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp as BarycentricWarp
     from spacemap_vtk.filters.base import connect as connect
     from spacemap_vtk.filters.crimp_interchange import CrimpInterchange as CrimpInterchange
+    from spacemap_vtk.filters.layer_contact import LayerContact as LayerContact
     from spacemap_vtk.filters.modal_response import ModalResponse as ModalResponse
     from spacemap_vtk.filters.modal_solver import ModalSolver as ModalSolver
     from spacemap_vtk.filters.motion_reader import MotionReader as MotionReader
@@ -35,6 +36,7 @@ FILTERS = {
     "WeaveSource": "spacemap_vtk.filters.weave_source",
     "ObjectSource": "spacemap_vtk.filters.object_source",
     "TetraCage": "spacemap_vtk.filters.tetra_cage",
+    "LayerContact": "spacemap_vtk.filters.layer_contact",
     "ModalSolver": "spacemap_vtk.filters.modal_solver",
     "ModalResponse": "spacemap_vtk.filters.modal_response",
     "TransientResponse": "spacemap_vtk.filters.transient_response",

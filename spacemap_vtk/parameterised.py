@@ -356,12 +356,12 @@ class Parameterised:
         if "__doc__" in vars(cls) and cls.__doc__ and cls.parameters:
             cls.__doc__ = _insert_parameters(cls.__doc__, cls.parameters)
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, /, **values: Any) -> None:  # a parameter may be called self
         self._values = {}
         self._set_in_scene = set()
         self.configure(**values)
 
-    def configure(self, **values: Any) -> None:
+    def configure(self, /, **values: Any) -> None:
         """Set several parameters at once; if one is refused, none is set.
 
         Parameters

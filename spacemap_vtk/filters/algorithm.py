@@ -107,7 +107,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     #: Warnings about parameters that have no effect; None if they must be determined again.
     _unused_warnings: list[str] | None = None
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, /, **values: Any) -> None:
         VTKPythonAlgorithmBase.__init__(
             self, nInputPorts=len(self.inputs), nOutputPorts=1, outputType=self.output_type
         )

@@ -29,6 +29,7 @@ from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.cage_state import read_state
+from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
@@ -170,12 +171,6 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         "the equilibrium is the one that the cage reaches from this state: cloth that falls from "
         "another place lies in other folds.",
         automatic="the undeformed state",
-        group="Hung",
-    )
-    self_contact = Flag(
-        False,
-        "Keep layers of a sheet apart by its thickness where it folds onto itself, without "
-        "friction; needs the library ipctk.",
         group="Hung",
     )
     hang = Flag(
@@ -328,14 +323,16 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         self, grid: vtkUnstructuredGrid, material: Floats | Plate, sheet: Layer | None
     ) -> list[dict[str, Any]]:
         """Return the recipes of the terms of obstacles, and of contact of the cage with itself."""
-        if self.self_contact and sheet is None:
+        touches = grid.GetFieldData().GetArray(LAYER_FRICTION)
+        if touches is not None and sheet is None:
             raise InputError(
                 "only a sheet can touch itself",
-                key="self_contact",
-                value=True,
-                cure='Set elements = "sheet", or leave out self_contact.',
+                key="elements",
+                value=self.elements,
+                cure='Use [cage] divisions such as [20, 20, 1] and elements = "sheet", or leave '
+                "out [contact].",
             )
-        if not self.obstacles and not self.self_contact:
+        if not self.obstacles and touches is None:
             return []
         if sheet is None:
             offset, cell = 0.0, _mean_edge(grid)
@@ -360,11 +357,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             }
             for obstacle in self.obstacles
         ]
-        if self.self_contact:
-            stiffness = common["stiffness"]
-            recipes.append(
-                {"kind": "self-contact", "thickness": 2 * offset, "stiffness": stiffness}
-            )
+        if touches is not None:
+            layers = {"thickness": 2 * offset, "stiffness": common["stiffness"]}
+            recipes.append({"kind": "self-contact", **layers})
         return recipes
 
     def sheet_figures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:

@@ -63,7 +63,7 @@ _STIFFEST = 0.99
 _APPROACH, _LEAST_MOVE = 0.9, 1e-3
 
 #: A sample slides if its friction is at least this share of the limit.
-_SLIDES = 1.0 - 1e-6
+SLIDES = 1.0 - 1e-6
 
 
 def contact_stiffness(material: Floats | Plate, cell: float) -> float:
@@ -424,7 +424,7 @@ class ObstacleState(TermState):
         if self._slip is not None:
             # Samples that stick are held across the normal, too.
             _, length, secant = self._slip
-            sticks = (self._inside & (secant * length < _SLIDES * self._limit)) * secant
+            sticks = (self._inside & (secant * length < SLIDES * self._limit)) * secant
             rows = np.searchsorted(part, self.elements)
             each[rows] += SUPPORT * sticks[..., None, None] * self._across
         return self._obstacle.assemble(part, each)
@@ -459,7 +459,7 @@ class ObstacleState(TermState):
         sliding = touching
         if self._slip is not None and self._obstacle.friction is not None:
             _, length, secant = self._slip
-            sticks = secant * length < _SLIDES * self._limit
+            sticks = secant * length < SLIDES * self._limit
             sliding -= int((self._inside & sticks).sum())
         # What holds the cage is the negative of the force that pushes it away.
         force = self.sample_forces.sum(axis=(0, 1))

@@ -8,7 +8,7 @@ made beyond the place where that would happen, as computed along the move.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     PairedNodes,
     TermState,
     digest_of,
+    sum_at_nodes,
 )
 from spacemap_vtk.ndarrays import Floats, Ints
 
@@ -26,6 +27,19 @@ from spacemap_vtk.ndarrays import Floats, Ints
 REACH = 0.5
 #: How far nodes may move, as a share of a cell, before pairs that may touch are searched again.
 _MARGIN = 0.125
+
+
+class PressingPairs(NamedTuple):
+    """Pairs of points of a sheet that press on each other, such as a vertex and a face."""
+
+    nodes: Ints
+    """(m, 4), mid-points that the two points of each pair depend on; some may be equal."""
+    weights: Floats
+    """(m, 4), their weights in the difference of the first point and the second."""
+    normals: Floats
+    """(m, 3), direction from the second point to the first."""
+    forces: Floats
+    """(m,), forces with which they press [N]."""
 
 
 class SelfContact(EnergyTerm):
@@ -55,7 +69,7 @@ class SelfContact(EnergyTerm):
     ) -> None:
         ipctk = load_library()
         self._given = points, surface, thickness, stiffness
-        self._thickness, self._stiffness = thickness, stiffness
+        self._thickness, self.stiffness = thickness, stiffness
         #: Pairs of vertices as which positions are given; None if these are mid-points.
         self._pairs: Ints | None = surface.pairs
         self._count = len(surface.pairs)
@@ -69,9 +83,7 @@ class SelfContact(EnergyTerm):
         sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
         if sides.min() <= thickness + self._reach:
             raise InputError(
-                "the cells are narrower than contact reaches",
-                key="self_contact",
-                value=f"{sides.min():.3g} m",
+                f"cells of {sides.min():.3g} m are too narrow for contact of layers",
                 allowed=f"above {thickness + self._reach:.3g} m",
                 cure="Use fewer divisions of the cage",
             )
@@ -85,7 +97,7 @@ class SelfContact(EnergyTerm):
     @property
     def digest(self) -> str:
         """Digest of thickness and stiffness; the mesh determines the rest."""
-        return digest_of("self-contact", self._thickness, self._stiffness)
+        return digest_of("self-contact", self._thickness, self.stiffness)
 
     def in_model_nodes(self, surface: PairedNodes | None, factor: float) -> SelfContact:
         """Return the term of the sheet's mid-points, times a factor."""
@@ -101,7 +113,7 @@ class SelfContact(EnergyTerm):
 
     def energy(self, positions: Floats) -> float:
         """Compute the energy of the barrier [J]."""
-        middle = self._to_middle(positions)
+        middle = self.to_middle(positions)
         return float(self._barrier(self._find_collisions(middle), self._mesh, middle))
 
     def forces(self, positions: Floats) -> Floats:
@@ -114,7 +126,7 @@ class SelfContact(EnergyTerm):
 
     def follow(self, positions: Floats) -> bool:
         """Add the pairs of nodes that may come near to the pattern of the tangent."""
-        middle = self._to_middle(positions)
+        middle = self.to_middle(positions)
         if self._is_near(middle):
             return False
         candidates = self._candidates(middle)
@@ -136,18 +148,18 @@ class SelfContact(EnergyTerm):
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
         """Compute the largest step that leaves all layers farther apart than the thickness."""
-        start = self._to_middle(positions)
-        end = np.asfortranarray(start + self._to_middle(move))
+        start = self.to_middle(positions)
+        end = np.asfortranarray(start + self.to_middle(move))
         free = self._free_share(start, end)
         return np.inf if free >= 1.0 else 0.9 * free
 
     def admits(self, start: Floats, positions: Floats) -> bool:
         """Check that no layers cross."""
-        return not load_library().has_intersections(self._mesh, self._to_middle(positions))
+        return not load_library().has_intersections(self._mesh, self.to_middle(positions))
 
     def passes(self, before: Floats, after: Floats) -> bool:
         """Check that layers stay farther apart than the thickness along a straight move."""
-        return self._free_share(self._to_middle(before), self._to_middle(after)) >= 1.0
+        return self._free_share(self.to_middle(before), self.to_middle(after)) >= 1.0
 
     def resistance_matrices(self) -> Floats:
         """Return zeros: contact does not hold a sheet."""
@@ -161,7 +173,7 @@ class SelfContact(EnergyTerm):
 
     def check_start(self, positions: Floats) -> None:
         """Refuse positions (V, 3) in which the sheet is nearer to itself than its thickness."""
-        middle = self._to_middle(positions)
+        middle = self.to_middle(positions)
         ipctk = load_library()
         collisions = ipctk.NormalCollisions()
         collisions.build(self._mesh, middle, self._thickness)
@@ -176,22 +188,104 @@ class SelfContact(EnergyTerm):
         if where is None and ipctk.has_intersections(self._mesh, middle):
             raise InputError(
                 "the cage passes through itself",
-                key="self_contact",
-                value=True,
-                cure="Start from a state in which no layers cross, or leave out self_contact",
+                cure="Start from a state in which no layers cross, or leave out [contact]",
             )
         if where is not None:
             place = ", ".join(f"{x:.4g}" for x in where)
             raise InputError(
-                f"the cage overlaps itself at ({place}) m",
-                key="self_contact",
-                value=f"{worst:.3g} m",
-                allowed=f"at least {self._thickness:.3g} m between layers",
-                cure="Start from a state in which no layers overlap, or leave out self_contact",
+                f"the cage overlaps itself at ({place}) m, where its layers are {worst:.3g} m apart",
+                allowed=f"at least {self._thickness:.3g} m between mid-surfaces",
+                cure="Start from a state in which no layers overlap, or leave out [contact]",
             )
 
-    def _to_middle(self, positions: Floats) -> Floats:
-        """Return the mid-points (n, 3) of nodal positions or moves, in columns."""
+    @property
+    def areas(self) -> Floats:
+        """Area of the sheet at rest that belongs to each mid-point [m²], (n,)."""
+        rest = self._mesh.rest_positions
+        sizes = np.linalg.norm(_face_normals(rest, self._faces), axis=1) / 6
+        return np.bincount(self._faces.ravel(), np.repeat(sizes, 3), len(rest)).astype(np.float64)
+
+    def pressing_pairs(self, positions: Floats) -> PressingPairs:
+        """Find what presses on what.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+
+        Returns
+        -------
+        PressingPairs
+            All pairs within reach. The gradient of the barrier is the sum of their forces, up to
+            those that turn nearly parallel edges.
+        """
+        middle, edges = self.to_middle(positions), self._edges.tolist()
+        found = self._find_collisions(middle)
+        lines, faced = [], []
+        for each in found.vv_collisions:
+            first, second = each.vertex0_id, each.vertex1_id
+            lines.append((first, first, second, second, each.weight, 0.0))
+        for each in found.ev_collisions:
+            end = each.vertex_id
+            lines.append((end, end, *edges[each.edge_id], each.weight, 0.0))
+        for each in found.ee_collisions:
+            ends = *edges[each.edge0_id], *edges[each.edge1_id]
+            lines.append((*ends, each.weight, each.eps_x))
+        for each in found.fv_collisions:
+            faced.append((each.vertex_id, *self._faces[each.face_id], each.weight, 0.0))
+        table = np.reshape([*lines, *faced], (-1, 6))
+        nodes = table[:, :4].astype(np.int64)
+        corners = middle[nodes]
+        weights = np.concatenate(
+            [_between_lines(corners[: len(lines)]), _to_face(corners[len(lines) :])]
+        )
+        apart = (weights[..., None] * corners).sum(axis=1)
+        square = (apart**2).sum(axis=1)
+        magnitude = self._barrier.force_magnitude
+        forces = np.array([magnitude(each, self._thickness) for each in square.tolist()])
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 2])
+        share = np.minimum((crossed**2).sum(axis=1) / np.maximum(table[:, 5], 1e-300), 1.0)
+        share[table[:, 5] == 0.0] = 1.0
+        forces = forces * table[:, 4] * share * (2.0 - share)
+        return PressingPairs(nodes, weights, apart / np.sqrt(square)[:, None], forces)
+
+    def facings(self, positions: Floats) -> Floats:
+        """Compute the normal of the sheet at each mid-point, not of unit length, (n, 3)."""
+        middle = self.to_middle(positions)
+        normals = _face_normals(middle, self._faces)
+        return sum_at_nodes(self._faces, np.repeat(normals, 3, axis=0), len(middle))
+
+    def blocks_at_pairs(self, matrix: Any) -> Floats:
+        """Distribute a symmetric sparse matrix of the mid-points to the pairs of the pattern."""
+        found = matrix.tobsr((3, 3))
+        found.sum_duplicates()
+        rows = np.repeat(np.arange(self._count), np.diff(found.indptr))
+        upper = rows <= found.indices
+        keys = rows[upper] * self._count + found.indices[upper]
+        slots = np.searchsorted(self._keys, keys).clip(max=len(self._keys) - 1)
+        # What is outside of the pattern is left out: the forces remain exact.
+        known = self._keys[slots] == keys
+        data, slots = found.data[upper][known], slots[known]
+        diagonal = (rows[upper] == found.indices[upper])[known]
+        pair = np.zeros((len(self.nodes), 2, 3, 2, 3))
+        pair[slots[diagonal], 0, :, 0] = data[diagonal]
+        pair[slots[~diagonal], 0, :, 1] = data[~diagonal]
+        pair[slots[~diagonal], 1, :, 0] = data[~diagonal].swapaxes(1, 2)
+        if self._pairs is not None:
+            pair = np.repeat(np.repeat(pair, 2, axis=1), 2, axis=3) / 4
+        return pair.reshape(len(pair), 3 * self.nodes.shape[1], -1)
+
+    def to_nodes(self, forces: Floats, count: int) -> Floats:
+        """Convert forces on the mid-points (n, 3) to forces on all nodes, (count, 3)."""
+        result = np.zeros((count, 3))
+        if self._pairs is None:
+            result[: len(forces)] = forces
+        else:
+            result[self._pairs] = forces[:, None] / 2
+        return result
+
+    def to_middle(self, positions: Floats) -> Floats:
+        """Return the mid-points (n, 3) of positions or moves of the nodes, column by column."""
         if self._pairs is None:
             return np.asfortranarray(positions[: self._count])
         return np.asfortranarray(positions[self._pairs].mean(axis=1))
@@ -245,7 +339,7 @@ class _SelfContactState(TermState):
     def __init__(self, term: SelfContact, positions: Floats) -> None:
         super().__init__(term, positions)
         self._contact = term
-        self._middle = term._to_middle(positions)
+        self._middle = term.to_middle(positions)
         self._collisions = term._find_collisions(self._middle)
 
     @property
@@ -258,14 +352,9 @@ class _SelfContactState(TermState):
         """Gradient of the energy [N], (V, 3)."""
         term = self._contact
         pull = term._barrier.gradient(self._collisions, term._mesh, self._middle).reshape(-1, 3)
-        result = np.zeros_like(self._positions)
         if not np.isfinite(pull).all():  # beyond the barrier, where the energy is infinite
-            return result
-        if term._pairs is None:
-            result[: len(pull)] = pull
-        else:
-            result[term._pairs] = pull[:, None] / 2
-        return result
+            return np.zeros_like(self._positions)
+        return term.to_nodes(pull, len(self._positions))
 
     def tangent(self, removed: float = 0.0, predicted: Any = None) -> Floats:
         """Compute the second derivatives at the pairs of nodes in the pattern."""
@@ -280,22 +369,44 @@ class _SelfContactState(TermState):
         if 0.0 < removed < 1.0:
             own = term._barrier.hessian(*given, methods.NONE)
             matrix = removed * matrix + (1.0 - removed) * own
-        found = matrix.tobsr((3, 3))
-        rows = np.repeat(np.arange(term._count), np.diff(found.indptr))
-        upper = rows <= found.indices
-        keys = rows[upper] * term._count + found.indices[upper]
-        slots = np.searchsorted(term._keys, keys).clip(max=len(term._keys) - 1)
-        # What is outside of the pattern is left out: the forces remain exact.
-        known = term._keys[slots] == keys
-        data, slots = found.data[upper][known], slots[known]
-        diagonal = (rows[upper] == found.indices[upper])[known]
-        pair = np.zeros((len(blocks), 2, 3, 2, 3))
-        pair[slots[diagonal], 0, :, 0] = data[diagonal]
-        pair[slots[~diagonal], 0, :, 1] = data[~diagonal]
-        pair[slots[~diagonal], 1, :, 0] = data[~diagonal].swapaxes(1, 2)
-        if term._pairs is not None:
-            pair = np.repeat(np.repeat(pair, 2, axis=1), 2, axis=3) / 4
-        return pair.reshape(blocks.shape)
+        return term.blocks_at_pairs(matrix)
+
+
+def _face_normals(places: Floats, faces: Ints) -> Floats:
+    """Compute the normals of triangles, whose length is twice the area, (T, 3)."""
+    corners = places[faces]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _between_lines(corners: Floats) -> Floats:
+    """Compute the weights of the ends (m, 4, 3) of two lines in their shortest connection, (m, 4).
+
+    A line may be a point. See Ericson, Real-Time Collision Detection (2005), section 5.1.9.
+    """
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 2]
+    between = corners[:, 0] - corners[:, 2]
+    squares = [np.maximum((way**2).sum(axis=1), 1e-300) for way in (first, second)]
+    along, ahead, behind = (
+        (one * other).sum(axis=1)
+        for one, other in ((first, second), (first, between), (second, between))
+    )
+    area = squares[0] * squares[1] - along**2
+    apart = area > 1e-12 * squares[0] * squares[1]
+    s = np.where(apart, along * behind - ahead * squares[1], 0.0) / np.where(apart, area, 1.0)
+    t = (along * np.clip(s, 0.0, 1.0) + behind) / squares[1]
+    t = np.clip(t, 0.0, 1.0)
+    s = np.clip((along * t - ahead) / squares[0], 0.0, 1.0)
+    return np.stack([1.0 - s, s, t - 1.0, -t], axis=1)
+
+
+def _to_face(corners: Floats) -> Floats:
+    """Compute the weights of a point and the corners of the face below it, (m, 4, 3)."""
+    sides = corners[:, 2:] - corners[:, 1:2]
+    from_corner = corners[:, 0] - corners[:, 1]
+    products = sides @ sides.swapaxes(1, 2)
+    shares = np.linalg.solve(products, sides @ from_corner[..., None])[..., 0]
+    ones = np.ones(len(corners))
+    return np.column_stack([ones, shares.sum(axis=1) - 1.0, -shares])
 
 
 def load_library() -> Any:
