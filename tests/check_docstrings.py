@@ -123,8 +123,10 @@ def _check_one(module: str, name: str, node: Named, full: bool) -> Iterator[str]
     text = ast.get_docstring(node, clean=False)
     if text is not None and full:
         for code, what in validate(f"spacemap_vtk.{module}.{name}")["errors"]:
-            # A subclass's and a record's parameters are described by the base class and the fields.
-            if code not in IGNORED and not (code == "PR01" and name[:1].isupper()):
+            # A subclass's and a record's parameters are described by the base class and the fields;
+            # a declared parameter `self` is none for numpydoc.
+            stated = code == "PR01" or (code == "PR02" and what.endswith("{'self'}"))
+            if code not in IGNORED and not (stated and name[:1].isupper()):
                 yield f"{module}.{name}: {code} {what}"
     elif full and "." not in name:
         yield f"{module}.{name}: imported by users or another folder, but has no docstring"

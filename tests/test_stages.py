@@ -357,7 +357,8 @@ def test_every_registered_stage_has_its_declarations() -> None:
 def updated() -> dict[str, Stage]:
     """Every stage of the table, run."""
     root = Path(__file__).parent.parent / "scenes"
-    swing = Scene(SMALL | {"response": {}, "rotation": {}, "yarns": {}})
+    unused = {"contact": {"self": False}}
+    swing = Scene(SMALL | {"response": {}, "rotation": {}, "yarns": {}} | unused)
     swing.update(time=0.1)
     stepped = Scene(SMALL | {"transient": {"max_step": 1e-4}})
     stepped.update(time=0.001)

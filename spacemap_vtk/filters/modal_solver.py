@@ -36,7 +36,9 @@ from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.contact.obstacle_term import contact_stiffness
 from spacemap_vtk.mechanics.contact.resting import (
+    can_touch,
     find_resting_state,
+    layers_of,
     obstacles_of,
     rested_terms,
 )
@@ -167,9 +169,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     )
     dropped_from = FilePath(
         None,
-        "File of a cage with the array displacement, as an exported cage has it. With obstacles, "
-        "the equilibrium is the one that the cage reaches from this state: cloth that falls from "
-        "another place lies in other folds.",
+        "File of a cage with the array displacement, as an exported cage has it. With obstacles or "
+        "[contact], the equilibrium is the one that the cage reaches from this state: cloth that "
+        "falls from another place lies in other folds.",
         automatic="the undeformed state",
         group="Hung",
     )
@@ -360,6 +362,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if touches is not None:
             layers = {"thickness": 2 * offset, "stiffness": common["stiffness"]}
             recipes.append({"kind": "self-contact", **layers})
+            if friction := touches.GetValue(0):
+                recipes.append({"kind": "layer-friction", "friction": friction, **layers})
         return recipes
 
     def sheet_figures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
@@ -434,8 +438,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if self.dropped_from is not None:
             with add_key_to_errors("dropped_from"):
                 released = read_state(self.dropped_from, model.points)
-            if not obstacles_of(model):
+            if not can_touch(model):
                 self.warn("dropped_from has no effect, because there are no obstacles")
+                released = None
         digest = _equilibrium_digest(model, load, released)
 
         def allow() -> None:
@@ -640,7 +645,7 @@ def load_or_solve_equilibrium(
         return list(entry.values())
     allow()
     share, anchors = None, np.empty((0, 3))
-    if obstacles_of(model):
+    if obstacles_of(model) or layers_of(model) or released is not None:
         displacement, anchors = find_resting_state(model, load, progress, released=released)
     else:
         displacement, share = model.solve_equilibrium(load, progress)

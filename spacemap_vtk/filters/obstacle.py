@@ -20,6 +20,7 @@ from spacemap_vtk.io import registry
 from spacemap_vtk.io.reading import read_object
 from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.contact import obstacles as bodies
+from spacemap_vtk.mechanics.contact.layer_friction import LayerFriction
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.samples import sample_faces, sample_sheet
 from spacemap_vtk.mechanics.contact.self_contact import SelfContact
@@ -323,6 +324,16 @@ def _make_self_contact(
     surface = find_mid_surface(points, cells)
     assert surface is not None
     return SelfContact(points, surface, thickness, stiffness)
+
+
+@energy_term("layer-friction")
+def _make_layer_friction(
+    points: Floats, cells: Ints, *, friction: float, thickness: float, stiffness: float
+) -> LayerFriction:
+    """Make the term of friction between layers of a sheet."""
+    surface = find_mid_surface(points, cells)
+    assert surface is not None
+    return LayerFriction(SelfContact(points, surface, thickness, stiffness), friction)
 
 
 @energy_term("obstacle")

@@ -23,7 +23,7 @@ from spacemap_vtk.filters.load_parameters import (
 )
 from spacemap_vtk.filters.modal_solver import load_or_solve_equilibrium
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
-from spacemap_vtk.mechanics.contact.resting import obstacles_of
+from spacemap_vtk.mechanics.contact.resting import layers_of, obstacles_of
 from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
@@ -38,8 +38,9 @@ if TYPE_CHECKING:
 #: Prefix of entries on disk. Change it when the same parameters give other states.
 _ENTRY = "steps-contact"
 
-#: Field arrays of a cage with obstacles: the energy that friction dissipates, a part of
-#: dissipated_energy, and the work of moving obstacles, a part of external_work.
+#: Field arrays of a cage with obstacles or with friction of its layers: the energy that friction
+#: dissipates, a part of dissipated_energy, and the work of moving obstacles, a part of
+#: external_work.
 CONTACT_ENERGIES = ("friction_energy", "obstacle_work")
 
 #: Number of states in an entry on disk.
@@ -57,9 +58,9 @@ class TransientResponse(LoadParameters, Stage):
     two states are interpolated. A run that was stopped continues from its last state.
 
     The output has the arrays of ModalResponse except the modal coordinates. Strain and stress are
-    in axes that turn with the fabric. A cage that touches obstacles has two more field arrays:
-    ``friction_energy``, the part of the dissipated energy that is due to friction, and
-    ``obstacle_work``, the part of the external work that moving obstacles do.
+    in axes that turn with the fabric. A cage that touches obstacles, or has friction of its layers,
+    has two more field arrays: ``friction_energy``, the part of the dissipated energy that is due to
+    friction, and ``obstacle_work``, the part of the external work that moving obstacles do.
 
     Notes
     -----
@@ -162,7 +163,7 @@ class TransientResponse(LoadParameters, Stage):
             add_stress(output, *motion.model.strain_and_stress(moved, large=True))
         if self.energy:
             add_energies(output, motion.energies(np.array([time]))[0])
-            if obstacles_of(model):
+            if obstacles_of(model) or layers_of(model):
                 exchanged = motion.contact_energies(np.array([time]))[0]
                 for name, value in zip(CONTACT_ENERGIES, exchanged, strict=True):
                     add_number(output.GetFieldData(), name, value)

@@ -110,7 +110,18 @@ class LayerFriction(EnergyTerm):
         self.springs = contact.stiffness * contact.areas / 2
 
     def replace(self, hold: Hold | None) -> LayerFriction:
-        """Make a copy with another hold, and with the pattern of this one."""
+        """Make a copy with another hold, and with the pattern of this one.
+
+        Parameters
+        ----------
+        hold : Hold or None
+            Friction of a balanced state.
+
+        Returns
+        -------
+        LayerFriction
+            The copy.
+        """
         found = LayerFriction(self.contact, self.coefficient, hold)
         found.nodes = self.nodes
         return found
@@ -162,10 +173,21 @@ class LayerFriction(EnergyTerm):
         size = 3 * self.nodes.shape[1]
         return np.zeros((len(self.nodes), size, size))
 
-    def find_grips(self, positions: Floats) -> Grips:
-        """Find what holds the sides at the given positions."""
-        self.contact.follow(positions)
-        pairs, facings = self.contact.pressing_pairs(positions), self.contact.facings(positions)
+    def find_grips(self, middle: Floats) -> Grips:
+        """Find what holds the sides of the mid-points.
+
+        Parameters
+        ----------
+        middle : ndarray of float64, shape (n, 3), in columns
+            Mid-points [m].
+
+        Returns
+        -------
+        Grips
+            One for each side on which something presses.
+        """
+        self.contact.follow_middle(middle)
+        pairs, facings = self.contact.pressing_pairs(middle), self.contact.facings(middle)
         # The other layer is against the normal of a pair's first point, and along that of the
         # second one.
         ways = -np.sign(pairs.weights)
@@ -191,41 +213,74 @@ class LayerFriction(EnergyTerm):
         ----------
         positions : ndarray of float64, shape (V, 3)
             Positions of all nodes [m].
-        anchors : ndarray of float64, shape (S, 3)
-            Anchors of all sides [m]: the mid-point less its slip; NaN where none.
+        anchors : ndarray of float64, shape (3 n, 3) or (0, 3)
+            `anchors` of the state [m]; if there are none, nothing has slipped.
 
         Returns
         -------
         LayerFriction
             Its limits of friction are those of these positions.
         """
-        middle = self.contact.to_middle(positions)
-        grips = self.find_grips(positions)
-        slip = np.nan_to_num(middle[grips.sides // 2] - anchors[grips.sides])
-        return self.replace(self._hold(grips, slip, middle))
+        # The positions may differ from those of the state, as where a held part is moved.
+        given = np.asfortranarray(anchors[self.sides :])
+        if not len(given) or np.isnan(given).any():
+            return self.replace(None).advance_friction(positions)
+        grips = self.find_grips(given)
+        slip = np.nan_to_num(given[grips.sides // 2] - anchors[grips.sides])
+        return self.replace(self._hold(grips, slip, given))
 
     @property
     def anchors(self) -> Floats:
-        """Anchors of all sides in the state of the hold [m], (S, 3); NaN where none."""
-        found = np.full((self.sides, 3), np.nan)
+        """The hold as points [m], (3 n, 3).
+
+        For the lower and the upper side of each mid-point its place less the slip, NaN where
+        nothing holds it; and then all mid-points.
+        """
+        count = len(self.springs)
+        found = np.full((3 * count, 3), np.nan)
         if self.hold is not None:
             sides = self.hold.grips.sides
             found[sides] = self.hold.middle[sides // 2] - self.hold.slip
+            found[2 * count :] = self.hold.middle
         return found
 
     def follow_friction(self, positions: Floats, follows: bool = True) -> LayerFriction:
-        """Renew the normals and limits of friction within a step; anchors stay."""
+        """Renew the limits of friction within a step; what holds each side stays.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+        follows : bool
+            Without effect: limits are those of these positions, see `ObstacleTerm`.
+
+        Returns
+        -------
+        LayerFriction
+            The term with these limits.
+        """
         if self.hold is None:
             return self
-        grips, now = self.hold.grips, self.find_grips(positions)
+        grips, now = self.hold.grips, self.find_grips(self.contact.to_middle(positions))
         place, known = _find(now.sides, grips.sides)
         press = np.where(known, now.press[place], 0.0)
         return self.replace(self.hold._replace(limits=self.coefficient / 2 * press))
 
     def advance_friction(self, positions: Floats) -> LayerFriction:
-        """End a step: slip is limited where sides slide, and new contacts are held."""
+        """End a step: slip is limited where sides slide, and new contacts are held.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m], in balance.
+
+        Returns
+        -------
+        LayerFriction
+            The term with the friction of this state.
+        """
         middle = self.contact.to_middle(positions)
-        grips = self.find_grips(positions)
+        grips = self.find_grips(middle)
         slip = np.zeros((len(grips.sides), 3))
         if self.hold is not None:
             before = self.evaluate(positions)
@@ -355,7 +410,7 @@ class SteppedLayers(EnergyTerm):
 
     def follow(self, positions: Floats) -> bool:
         """Add the pairs of nodes that may come near to the pattern of the tangent."""
-        changed = self.friction.follow(positions) or self.nodes is not self.friction.nodes
+        changed = self.friction.follow(positions)
         self.nodes = self.friction.nodes
         return changed
 
@@ -366,7 +421,7 @@ class SteppedLayers(EnergyTerm):
     def begin_step(self, positions: Floats, time: float, span: float) -> LayerStep:
         """Begin a time step."""
         if self._grips is None:
-            self._grips = self.friction.find_grips(positions)
+            self._grips = self.friction.find_grips(self.friction.contact.to_middle(positions))
         return LayerStep(self, positions, self._grips)
 
 
@@ -418,7 +473,7 @@ class LayerStep(TermStep):
         later = force / self._springs[:, None]
         lost = float((force * (trial - later)).sum())
         lost += 0.5 * float((self._springs * ((later - self._slip) ** 2).sum(axis=1)).sum())
-        grips = self._friction.find_grips(end)
+        grips = self._friction.find_grips(self._friction.contact.to_middle(end))
         place, known = _find(self._grips.sides, grips.sides)
         slip = np.zeros_like(self._stepped.slip)
         slip[grips.sides[known]] = _turned(later[place[known]], grips.normals[known])

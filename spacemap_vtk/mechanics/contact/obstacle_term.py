@@ -17,10 +17,10 @@ solid resists its shortest wave with E/(1 - ν²) π/(2 cell); 10.5 times this i
 
 Friction is Coulomb's. Each sample has an anchor a, and the friction that holds it is k A (x - a)
 along the surface, projected onto the disc of radius μ n with the normal force n. Anchors follow
-only from one balanced state to the next (`advance_friction`); a sample is anchored at the end of
-the step in which it first touches. With the normal force of the current state the tangent of
-sliding is unsymmetric; with given limits friction has a potential, and a state can be found as the
-least of an energy.
+only from one balanced state to the next (`ObstacleTerm.advance_friction`); a sample is anchored at
+the end of the step in which it first touches. With the normal force of the current state the
+tangent of sliding is unsymmetric; with given limits friction has a potential, and a state can be
+found as the least of an energy.
 """
 
 from __future__ import annotations
@@ -221,7 +221,54 @@ class ObstacleTerm(EnergyTerm):
         given = anchors.reshape(*self.samples.areas.shape, 3)
         limits = np.zeros(self.samples.areas.shape)
         term = self.replace(friction=Friction(given, np.zeros_like(given), limits))
-        return advance_friction(term, positions)
+        return term.advance_friction(positions)
+
+    def follow_friction(self, positions: Floats, follows: bool = True) -> ObstacleTerm:
+        """Renew the normals and limits of friction within a step; anchors stay.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m].
+        follows : bool
+            Whether the limits follow the normal forces of any state that is evaluated.
+
+        Returns
+        -------
+        ObstacleTerm
+            The term with these limits.
+        """
+        if self.friction is None:
+            return self
+        _, _, normals, limits = _press(self, positions)
+        return self.replace(friction=Friction(self.friction.anchors, normals, limits, follows))
+
+    def advance_friction(self, positions: Floats) -> ObstacleTerm:
+        """End a step: anchors follow samples that slide, and new contacts are anchored.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions of all nodes [m], in balance.
+
+        Returns
+        -------
+        ObstacleTerm
+            The term with the friction of this state.
+        """
+        if self.coefficient == 0.0:
+            return self
+        where, touches, normals, limits = _press(self, positions)
+        springs = self.stiffness * self.samples.areas
+        before = np.nan if self.friction is None else self.friction.anchors
+        moved = np.nan_to_num(where - before)
+        moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
+        length = np.linalg.norm(moved, axis=2)
+        too_far = springs * length > limits
+        share = np.where(too_far, limits / (springs * np.where(too_far, length, 1.0)), 1.0)
+        anchors = where - share[..., None] * moved
+        anchors[~touches] = np.nan
+        return self.replace(friction=Friction(anchors, normals, limits))
 
     @property
     def digest(self) -> str:
@@ -464,31 +511,6 @@ class ObstacleState(TermState):
         # What holds the cage is the negative of the force that pushes it away.
         force = self.sample_forces.sum(axis=(0, 1))
         return Contact(force, touching, float(self.depth.max(initial=0.0)), sliding)
-
-
-def follow_friction(term: ObstacleTerm, positions: Floats, follows: bool = True) -> ObstacleTerm:
-    """Renew the normals and limits of friction within a step; anchors stay."""
-    if term.friction is None:
-        return term
-    _, _, normals, limits = _press(term, positions)
-    return term.replace(friction=Friction(term.friction.anchors, normals, limits, follows))
-
-
-def advance_friction(term: ObstacleTerm, positions: Floats) -> ObstacleTerm:
-    """End a step: anchors follow samples that slide, and new contacts are anchored."""
-    if term.coefficient == 0.0:
-        return term
-    where, touches, normals, limits = _press(term, positions)
-    springs = term.stiffness * term.samples.areas
-    before = np.nan if term.friction is None else term.friction.anchors
-    moved = np.nan_to_num(where - before)
-    moved -= normals * (normals * moved).sum(axis=2, keepdims=True)
-    length = np.linalg.norm(moved, axis=2)
-    too_far = springs * length > limits
-    share = np.where(too_far, limits / (springs * np.where(too_far, length, 1.0)), 1.0)
-    anchors = where - share[..., None] * moved
-    anchors[~touches] = np.nan
-    return term.replace(friction=Friction(anchors, normals, limits))
 
 
 def stiffen(term: ObstacleTerm, stiffness: float, positions: Floats) -> ObstacleTerm:

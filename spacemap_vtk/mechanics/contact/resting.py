@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spacemap_vtk.mechanics.contact.layer_friction import LayerFriction
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact, Friction, ObstacleTerm
+from spacemap_vtk.mechanics.contact.self_contact import SelfContact
 from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad, EnergyTerm
 from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refine, restrict
 from spacemap_vtk.mechanics.modal.model import Model
@@ -23,8 +25,8 @@ class Resting(NamedTuple):
     displacement: Floats
     """(V, 3), displacement of the vertices [m]."""
     anchors: Floats
-    """(S, 3), anchors of friction at the samples of all obstacles [m], NaN where none; (0, 3)
-    without friction."""
+    """(S, 3), anchors of friction at the samples of all obstacles [m], NaN where none, and then
+    `LayerFriction.anchors`; (0, 3) without friction."""
 
 
 def obstacles_of(model: Model) -> list[ObstacleTerm]:
@@ -41,6 +43,38 @@ def obstacles_of(model: Model) -> list[ObstacleTerm]:
         In the order of the obstacles.
     """
     return [term for term in model.terms if isinstance(term, ObstacleTerm)]
+
+
+def layers_of(model: Model) -> list[LayerFriction]:
+    """Return the terms of friction between layers of a model.
+
+    Parameters
+    ----------
+    model : Model
+        A body.
+
+    Returns
+    -------
+    list of LayerFriction
+        One or none.
+    """
+    return [term for term in model.terms if isinstance(term, LayerFriction)]
+
+
+def can_touch(model: Model) -> bool:
+    """Return whether a model can touch obstacles or itself.
+
+    Parameters
+    ----------
+    model : Model
+        A body.
+
+    Returns
+    -------
+    bool
+        Whether it has terms of contact.
+    """
+    return any(isinstance(term, ObstacleTerm | SelfContact) for term in model.terms)
 
 
 def find_resting_state(
@@ -77,7 +111,8 @@ def find_resting_state(
     Raises
     ------
     InputError
-        If nothing holds the body against the load, or it falls past its obstacles.
+        If nothing holds the body against the load, it falls past its obstacles, or layers overlap
+        in the given state.
     SolverError
         If no stable state was found.
     """
@@ -85,11 +120,13 @@ def find_resting_state(
     from spacemap_vtk.mechanics.contact.settle import settle
 
     guess, frictions = None, [term.friction for term in obstacles_of(model)]
+    layers = layers_of(model)
     coarse = coarsen(model) if start is None else None
     if start is not None:
         guess = start.displacement
-        rested = rested_terms(obstacles_of(model), model.points + guess, start.anchors)
+        rested = rested_terms(model.terms, model.points + guess, start.anchors)
         frictions = [term.friction for term in rested if isinstance(term, ObstacleTerm)]
+        layers = [term for term in rested if isinstance(term, LayerFriction)]
     elif coarse is not None and coarse.pencil.size >= _FEWEST:
         before = None if released is None else restrict(coarse, model, released)
         shared = coarsen_loads(coarse, model, forces)
@@ -101,31 +138,34 @@ def find_resting_state(
     load = load if surface is None else 2 * surface.to_nodes(load)
     undeformed = pencil.nodes.positions
 
-    def to_positions(moved: Floats | None) -> Floats | None:
-        if moved is None:
-            return None
+    def to_positions(moved: Floats) -> Floats:
         return undeformed + (moved if surface is None else surface.to_nodes(moved))
 
+    begin = start.displacement if start is not None else released
+    for term in pencil.terms:
+        if isinstance(term, SelfContact) and begin is not None:
+            term.check_start(to_positions(begin))
     contacts = [
         term.replace(friction=friction).in_model_nodes(surface, 1 / model.modulus)
         for term, friction in zip(obstacles_of(model), frictions, strict=True)
     ]
     result = settle(
-        [term for term in pencil.terms if not isinstance(term, ObstacleTerm)],
+        [term for term in pencil.terms if not isinstance(term, ObstacleTerm | LayerFriction)],
         contacts,
         pencil.basis.tocsr(),
         undeformed,
         [DeadLoad(load, undeformed)],
         pencil.mass.diagonal(),
         pencil.nodes.translate,
-        guess=to_positions(guess),
+        layers=[term.in_model_nodes(surface, 1 / model.modulus) for term in layers],
+        guess=None if guess is None else to_positions(guess),
         near=start is not None,
-        released=to_positions(released),
+        released=None if released is None else to_positions(released),
         progress=progress,
     )
     moved = result.positions - undeformed
     moved = moved if surface is None else surface.to_vertices(moved)
-    if all(term.friction is None for term in result.contacts):
+    if all(term.friction is None for term in result.contacts) and not layers:
         return Resting(moved, np.empty((0, 3)))
     anchors = [
         np.full((term.samples.areas.size, 3), np.nan)
@@ -133,18 +173,18 @@ def find_resting_state(
         else term.friction.anchors.reshape(-1, 3)
         for term in result.contacts
     ]
-    return Resting(moved, np.concatenate(anchors))
+    return Resting(moved, np.concatenate([*anchors, *(term.anchors for term in result.layers)]))
 
 
 def rested_terms(
     terms: Sequence[EnergyTerm], positions: Floats, anchors: Floats
 ) -> list[EnergyTerm]:
-    """Give the terms of obstacles the friction of a state at rest.
+    """Give the terms of obstacles, and of layers, the friction of a state at rest.
 
     Parameters
     ----------
     terms : sequence of EnergyTerm
-        Terms of the vertices; those of obstacles are replaced.
+        Terms of the vertices, those of layers after those of obstacles; both are replaced.
     positions : ndarray of float64, shape (V, 3)
         Vertices at rest [m].
     anchors : ndarray of float64, shape (S, 3)
@@ -162,6 +202,8 @@ def rested_terms(
             last = first + term.samples.areas.size
             found.append(term.at_rest(positions, anchors[first:last]))
             first = last
+        elif isinstance(term, LayerFriction):
+            found.append(term.at_rest(positions, anchors[first : first + 3 * len(term.springs)]))
         else:
             found.append(term)
     return found

@@ -75,9 +75,9 @@ class SelfContact(EnergyTerm):
         self._count = len(surface.pairs)
         rest = np.asfortranarray(surface.to_nodes(points)[: self._count])
         quads = surface.quads
-        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
-        edges = np.asarray(ipctk.edges(faces), dtype=np.int32)
-        self._mesh = ipctk.CollisionMesh(rest, edges, faces)
+        faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        edges: Ints = np.asarray(ipctk.edges(faces.astype(np.int32)), dtype=np.int64)
+        self._mesh = ipctk.CollisionMesh(rest, edges.astype(np.int32), faces.astype(np.int32))
         self._edges, self._faces = edges, faces
         self._reach = REACH * thickness
         sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
@@ -126,7 +126,21 @@ class SelfContact(EnergyTerm):
 
     def follow(self, positions: Floats) -> bool:
         """Add the pairs of nodes that may come near to the pattern of the tangent."""
-        middle = self.to_middle(positions)
+        return self.follow_middle(self.to_middle(positions))
+
+    def follow_middle(self, middle: Floats) -> bool:
+        """Follow mid-points, see `follow`.
+
+        Parameters
+        ----------
+        middle : ndarray of float64, shape (n, 3), in columns
+            Mid-points [m].
+
+        Returns
+        -------
+        bool
+            Whether `nodes` changed.
+        """
         if self._is_near(middle):
             return False
         candidates = self._candidates(middle)
@@ -193,7 +207,7 @@ class SelfContact(EnergyTerm):
         if where is not None:
             place = ", ".join(f"{x:.4g}" for x in where)
             raise InputError(
-                f"the cage overlaps itself at ({place}) m, where its layers are {worst:.3g} m apart",
+                f"the cage overlaps itself at ({place}) m: its layers are {worst:.3g} m apart",
                 allowed=f"at least {self._thickness:.3g} m between mid-surfaces",
                 cure="Start from a state in which no layers overlap, or leave out [contact]",
             )
@@ -205,13 +219,13 @@ class SelfContact(EnergyTerm):
         sizes = np.linalg.norm(_face_normals(rest, self._faces), axis=1) / 6
         return np.bincount(self._faces.ravel(), np.repeat(sizes, 3), len(rest)).astype(np.float64)
 
-    def pressing_pairs(self, positions: Floats) -> PressingPairs:
+    def pressing_pairs(self, middle: Floats) -> PressingPairs:
         """Find what presses on what.
 
         Parameters
         ----------
-        positions : ndarray of float64, shape (V, 3)
-            Positions of all nodes [m].
+        middle : ndarray of float64, shape (n, 3), in columns
+            Mid-points [m].
 
         Returns
         -------
@@ -219,7 +233,7 @@ class SelfContact(EnergyTerm):
             All pairs within reach. The gradient of the barrier is the sum of their forces, up to
             those that turn nearly parallel edges.
         """
-        middle, edges = self.to_middle(positions), self._edges.tolist()
+        edges = self._edges.tolist()
         found = self._find_collisions(middle)
         lines, faced = [], []
         for each in found.vv_collisions:
@@ -249,14 +263,35 @@ class SelfContact(EnergyTerm):
         forces = forces * table[:, 4] * share * (2.0 - share)
         return PressingPairs(nodes, weights, apart / np.sqrt(square)[:, None], forces)
 
-    def facings(self, positions: Floats) -> Floats:
-        """Compute the normal of the sheet at each mid-point, not of unit length, (n, 3)."""
-        middle = self.to_middle(positions)
+    def facings(self, middle: Floats) -> Floats:
+        """Compute the normal of the sheet at each mid-point.
+
+        Parameters
+        ----------
+        middle : ndarray of float64, shape (n, 3)
+            Mid-points [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3)
+            Normals, not of unit length.
+        """
         normals = _face_normals(middle, self._faces)
         return sum_at_nodes(self._faces, np.repeat(normals, 3, axis=0), len(middle))
 
     def blocks_at_pairs(self, matrix: Any) -> Floats:
-        """Distribute a symmetric sparse matrix of the mid-points to the pairs of the pattern."""
+        """Distribute a matrix of the mid-points to the pairs of the pattern.
+
+        Parameters
+        ----------
+        matrix : scipy.sparse.spmatrix, shape (3 n, 3 n)
+            A symmetric matrix [N/m].
+
+        Returns
+        -------
+        ndarray of float64, shape (E, 3 m, 3 m)
+            Matrices at the pairs `nodes`, (E, m).
+        """
         found = matrix.tobsr((3, 3))
         found.sum_duplicates()
         rows = np.repeat(np.arange(self._count), np.diff(found.indptr))
@@ -276,7 +311,20 @@ class SelfContact(EnergyTerm):
         return pair.reshape(len(pair), 3 * self.nodes.shape[1], -1)
 
     def to_nodes(self, forces: Floats, count: int) -> Floats:
-        """Convert forces on the mid-points (n, 3) to forces on all nodes, (count, 3)."""
+        """Convert forces on the mid-points to forces on all nodes.
+
+        Parameters
+        ----------
+        forces : ndarray of float64, shape (n, 3)
+            Forces on the mid-points [N].
+        count : int
+            Number V of all nodes.
+
+        Returns
+        -------
+        ndarray of float64, shape (V, 3)
+            Forces on the nodes [N].
+        """
         result = np.zeros((count, 3))
         if self._pairs is None:
             result[: len(forces)] = forces
@@ -285,7 +333,18 @@ class SelfContact(EnergyTerm):
         return result
 
     def to_middle(self, positions: Floats) -> Floats:
-        """Return the mid-points (n, 3) of positions or moves of the nodes, column by column."""
+        """Return the mid-points of positions or moves of the nodes.
+
+        Parameters
+        ----------
+        positions : ndarray of float64, shape (V, 3)
+            Positions or moves of all nodes [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (n, 3), in columns
+            Those of the mid-points [m].
+        """
         if self._pairs is None:
             return np.asfortranarray(positions[: self._count])
         return np.asfortranarray(positions[self._pairs].mean(axis=1))
@@ -379,10 +438,8 @@ def _face_normals(places: Floats, faces: Ints) -> Floats:
 
 
 def _between_lines(corners: Floats) -> Floats:
-    """Compute the weights of the ends (m, 4, 3) of two lines in their shortest connection, (m, 4).
-
-    A line may be a point. See Ericson, Real-Time Collision Detection (2005), section 5.1.9.
-    """
+    """Compute the weights of the ends (m, 4, 3) of two lines in their shortest connection."""
+    # A line may be a point. Ericson, Real-Time Collision Detection (2005), section 5.1.9.
     first, second = corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 2]
     between = corners[:, 0] - corners[:, 2]
     squares = [np.maximum((way**2).sum(axis=1), 1e-300) for way in (first, second)]

@@ -15,12 +15,8 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.contact.obstacle_term import (
-    ObstacleTerm,
-    advance_friction,
-    follow_friction,
-    stiffen,
-)
+from spacemap_vtk.mechanics.contact.layer_friction import LayerFriction
+from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, stiffen
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
 from spacemap_vtk.mechanics.equilibrium.newton import MAX_RESIDUAL, MAX_UNRESISTED, load_in_shares
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
@@ -58,6 +54,10 @@ _ROUNDED_RESIDUAL = 1e-6
 _FAR = 3.0
 
 
+#: Term with friction, which `advance_friction` and `follow_friction` change.
+Rubbing = ObstacleTerm | LayerFriction
+
+
 class Settled(NamedTuple):
     """Stable equilibrium of a cage on obstacles."""
 
@@ -65,6 +65,8 @@ class Settled(NamedTuple):
     """Nodal vectors (V, 3)."""
     contacts: list[ObstacleTerm]
     """The obstacles' terms, with their friction."""
+    layers: list[LayerFriction]
+    """Friction between layers."""
     steps: int
     """Number of linear systems that were solved."""
 
@@ -78,6 +80,7 @@ def settle(
     mass: Floats,
     translate: Bools,
     *,
+    layers: Sequence[LayerFriction] = (),
     guess: Floats | None = None,
     near: bool = False,
     released: Floats | None = None,
@@ -91,8 +94,9 @@ def settle(
     # from the positions `released`, by default the undeformed ones. For the other arguments see
     # `find_equilibrium`.
     given = list(contacts)
+    every = [*loads, *terms, *given, *layers]
     with blas_threads.use_one_thread():
-        system = ReducedSystem([*loads, *terms, *given], basis, start, progress or (lambda _: None))
+        system = ReducedSystem(every, basis, start, progress or (lambda _: None))
         forces = -np.sum([term.forces(start) for term in loads], axis=0)
         load = system.reduce_forces(forces)
         if system.unresisted_share(load) > MAX_UNRESISTED:
@@ -110,18 +114,22 @@ def settle(
             z = start if released is None else released
             decades = _decades(given, total, size)
         current = _soften(given, decades[0])
-        if guess is None and basis.shape[0] == basis.shape[1] and total > 0.0:
+        if given and guess is None and basis.shape[0] == basis.shape[1] and total > 0.0:
             z = fall(current, z, forces[translate].sum(axis=0), translate, size)
-        current = [advance_friction(t, z) if t.friction is None else t for t in current]
+        current = [t.advance_friction(z) if t.friction is None else t for t in current]
+        held = [t.advance_friction(z) if t.hold is None else t for t in layers]
         for share in decades:
             current = [
                 stiffen(term, share * whole.stiffness, z)
                 for term, whole in zip(current, given, strict=True)
             ]
-            z, current = _find_balance(system, len(loads), z, current, load, steps, near)
+            rubbing: list[Rubbing] = [*current, *held]
+            z, rubbing = _find_balance(system, len(loads), z, rubbing, load, steps, near)
+            current = [term for term in rubbing if isinstance(term, ObstacleTerm)]
+            held = [term for term in rubbing if isinstance(term, LayerFriction)]
     if progress is not None:
         progress(1.0)
-    return Settled(z, current, system.steps)
+    return Settled(z, current, held, system.steps)
 
 
 def fall(
@@ -166,7 +174,7 @@ def fall(
 
 def _decades(contacts: Sequence[ObstacleTerm], total: float, size: float) -> Floats:
     """Choose the shares of the springs' stiffness, each at most ten times the one before."""
-    first = SOFTEST
+    first = SOFTEST if contacts else 1.0
     for term in contacts:
         allowed = min(MAX_DEPTH * term.obstacle.depth, MAX_SINKING * size)
         sinking = total / float(term.samples.areas.sum()) / term.stiffness
@@ -183,11 +191,11 @@ def _find_balance(
     system: ReducedSystem,
     loads: int,
     z: Floats,
-    contacts: list[ObstacleTerm],
+    contacts: list[Rubbing],
     load: Floats,
     steps: int,
     near: bool,
-) -> tuple[Floats, list[ObstacleTerm]]:
+) -> tuple[Floats, list[Rubbing]]:
     """Find a state of balance with Coulomb friction, and end the step in it."""
     # Near a balance, Newton's method with limits that follow the normal forces needs few steps. If
     # it fails, it starts again from the least energy with given limits, and these are renewed.
@@ -201,7 +209,7 @@ def _find_balance(
     for attempt in range(_MAX_REPEATS):
         found = _follow_limits(system, others, z, contacts, load) if attempt or near else None
         if found is not None:
-            return found, [advance_friction(term, found) for term in contacts]
+            return found, [term.advance_friction(found) for term in contacts]
         system.terms = [*others, *contacts]
         try:
             z = load_in_shares(system, loads, z, steps, rests=False).positions
@@ -212,7 +220,7 @@ def _find_balance(
                 key="obstacles",
                 cure="Raise friction, fix a part of the cage, or lower the load",
             ) from error
-        contacts = [follow_friction(term, z, follows=False) for term in contacts]
+        contacts = [term.follow_friction(z, follows=False) for term in contacts]
     raise SolverError(
         "no balance with friction was found: samples keep changing between sticking and sliding",
         key="obstacles",
@@ -224,7 +232,7 @@ def _follow_limits(
     system: ReducedSystem,
     others: Sequence[EnergyTerm],
     z: Floats,
-    contacts: list[ObstacleTerm],
+    contacts: list[Rubbing],
     load: Floats,
 ) -> Floats | None:
     """Balance forces with limits of friction that follow the normal forces; None if that fails."""
@@ -232,7 +240,7 @@ def _follow_limits(
     size = float(np.linalg.norm(load) or np.linalg.norm(system.reduce_forces(pressed)) or 1.0)
 
     def balance(z: Floats) -> tuple[list[TermState], Floats, float]:
-        system.terms = [*others, *(follow_friction(term, z) for term in contacts)]
+        system.terms = [*others, *(term.follow_friction(z) for term in contacts)]
         states = system.evaluate(z)
         force = system.forces(states)
         return states, force, float(np.linalg.norm(force)) / size

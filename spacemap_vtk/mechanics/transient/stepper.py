@@ -21,6 +21,11 @@ from scipy.sparse import csr_matrix
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
 from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
+from spacemap_vtk.mechanics.contact.layer_friction import (
+    LayerFriction,
+    SteppedLayers,
+    begin_stepping_layers,
+)
 from spacemap_vtk.mechanics.contact.obstacle_step import SteppedObstacle, begin_stepping
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.resting import obstacles_of
@@ -175,13 +180,15 @@ class SteppedMotion(Motion):
         first = start + (pencil.basis @ q).reshape(-1, 3)
         # A pencil is shared by models that differ only in the motions of their obstacles.
         moving = iter(motions)
-        terms = [
-            begin_stepping(term, first, next(moving)) if isinstance(term, ObstacleTerm) else term
-            for term in pencil.terms
-        ]
-        for term in terms:
+        terms = []
+        for term in pencil.terms:
             if isinstance(term, SelfContact):
                 term.check_start(first)
+            if isinstance(term, ObstacleTerm):
+                term = begin_stepping(term, first, next(moving))
+            elif isinstance(term, LayerFriction):
+                term = begin_stepping_layers(term, first)
+            terms.append(term)
         system = ReducedSystem([*terms, *followers], pencil.basis, start)
         #: Number of terms other than followers that do external work.
         self._driven_count = sum(not term.conservative for term in pencil.terms)
@@ -211,8 +218,9 @@ class SteppedMotion(Motion):
 
     @property
     def slips(self) -> Floats:
-        """Slip of friction at the samples of all obstacles in the last state [m], (S, 3)."""
+        """Slip of friction in the last state [m], (S, 3): at samples of obstacles, and of sides."""
         found = [each.slip.reshape(-1, 3) for each in self._obstacles()]
+        found += [each.slip for each in self._layers()]
         return np.concatenate([np.empty((0, 3)), *found])
 
     @property
@@ -240,7 +248,8 @@ class SteppedMotion(Motion):
             return False
         if not (np.isfinite(rows).all() and np.array_equal(rows[: len(mine)], mine)):
             return False
-        if slips is None and any(each.obstacle_term.coefficient for each in self._obstacles()):
+        rubs = any(each.obstacle_term.coefficient for each in self._obstacles())
+        if slips is None and (rubs or self._layers()):
             return False
         self._rows, self._count = rows, len(rows)
         first = 0
@@ -251,12 +260,18 @@ class SteppedMotion(Motion):
                 slip = None if slips is None else slips[first:last].reshape(term.slip.shape)
                 terms[number] = term.at_time(self.last_time, slip)
                 first = last
+            elif isinstance(term, SteppedLayers) and slips is not None:
+                terms[number] = term.with_slip(slips[first : first + len(term.slip)])
         self._integrator.system.terms = terms
         return True
 
     def _obstacles(self) -> list[SteppedObstacle]:
         terms = self._integrator.system.terms
         return [term for term in terms if isinstance(term, SteppedObstacle)]
+
+    def _layers(self) -> list[SteppedLayers]:
+        terms = self._integrator.system.terms
+        return [term for term in terms if isinstance(term, SteppedLayers)]
 
     def step_until(self, time: float, progress: Progress | None = None) -> None:
         """Step until there is a state beyond a time.
