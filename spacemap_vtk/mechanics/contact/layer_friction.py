@@ -23,10 +23,9 @@ on which nothing presses at the end of a step loses its slip.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
 
 from spacemap_vtk.mechanics.contact.obstacle_term import SLIDES, SUPPORT
 from spacemap_vtk.mechanics.contact.self_contact import SelfContact
@@ -39,6 +38,9 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     digest_of,
 )
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 
 class Grips(NamedTuple):
@@ -68,6 +70,9 @@ class Grips(NamedTuple):
 
     def matrix(self, blocks: Floats, count: int) -> csr_matrix:
         """Assemble matrices (m, 3, 3) of the sides by all mid-points, (3 count, 3 count)."""
+        # Commands that only read results do not need scipy.
+        from scipy.sparse import coo_matrix
+
         weights = self.weights[:, :, None] * self.weights[:, None, :]
         values = weights[..., None, None] * blocks[:, None, None]
         dof = 3 * self.nodes[..., None] + np.arange(3)
