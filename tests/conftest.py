@@ -83,7 +83,7 @@ else:
 
 
 # An example may take as long as a busy machine lets it. The nightly run tries many more of them.
-settings.register_profile("gate", deadline=None, max_examples=25)
+settings.register_profile("gate", deadline=None, max_examples=12)
 settings.register_profile("nightly", deadline=None, max_examples=200)
 
 

@@ -248,6 +248,7 @@ def test_enclosed_share_of_a_cage() -> None:
     assert enclosed_share(one.points, one.regular_faces[:0], 0.98, 2.0, 0.01) == 0.49
 
 
+@pytest.mark.nightly
 def test_no_files_are_left_in_the_working_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -326,12 +327,12 @@ def test_an_envelope_encloses_open_crossed_and_thin_surfaces() -> None:
     crossed = crossed_planes()
     shape = extract_outline(crossed, polygons_of(crossed))
     low, high = shape[0].min(axis=0), shape[0].max(axis=0)
-    points, triangles = make_envelope(low, high, partial(find_touched_cells, *shape), 0.1)
+    points, triangles = make_envelope(low, high, partial(find_touched_cells, *shape), 0.2)
     skin = pv.PolyData.from_regular_faces(points, triangles)
     assert skin.is_manifold
     away = pv.PolyData(shape[0]).compute_implicit_distance(skin)["implicit_distance"]
-    assert np.abs(away).min() >= 0.1
-    assert np.abs(away).max() <= 0.35
+    assert np.abs(away).min() >= 0.2
+    assert np.abs(away).max() <= 0.7
 
 
 @pytest.mark.nightly
@@ -354,6 +355,7 @@ def test_surfaces_that_cannot_be_filled(cache: Path) -> None:
     assert "open edges" in cage.warnings[0]
 
 
+@pytest.mark.nightly
 def test_surfaces_that_cross_themselves_or_branch(cache: Path) -> None:
     pytest.importorskip("pytetwild")
     one = pv.Cube().triangulate()

@@ -193,6 +193,7 @@ def test_free_cage_has_null_damping_ratio(capsys: pytest.CaptureFixture[str]) ->
     assert 6 < modes[6]["digits"] < 15
 
 
+@pytest.mark.nightly
 def test_modes_lost_in_rounding_are_not_reported_as_rigid(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

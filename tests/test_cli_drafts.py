@@ -200,6 +200,7 @@ def test_a_draft_whose_yarns_do_not_fit_is_still_a_draft(
     assert why in refused(capsys, "validate", str(file), "-q", *changed)
 
 
+@pytest.mark.nightly
 def test_a_draft_too_large_for_memory_is_drawn_and_described(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -109,7 +109,7 @@ def test_a_sheet_shows_interpolated_arrays(
     assert picture.pieces is None
 
 
-@pytest.mark.parametrize("moves", [pytest.param(False, marks=pytest.mark.nightly), True])
+@pytest.mark.parametrize("moves", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
     scene = Scene(
         {
@@ -203,6 +203,7 @@ def test_a_sheet_moves_with_a_carved_cage(monkeypatch: pytest.MonkeyPatch) -> No
     )
 
 
+@pytest.mark.nightly
 def test_visible_yarns_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
     _, near = draw({"ends": 32, "picks": 32}, 200)

@@ -79,13 +79,14 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("commands", "needs"),
     [
-        (
+        pytest.param(
             [
                 "render small.toml -q -o a.png --set view.size=[64,48]",
                 "animate small.toml -q -o a.gif --size 64x48 --set animation.stop=0.01",
                 "modes small.toml -q --plot a.png",
             ],
             _PICTURES,
+            marks=pytest.mark.nightly,
         ),
         (
             [

@@ -101,6 +101,7 @@ def normals_of(stage):
     return vtk_to_numpy(stage.output.GetPointData().GetNormals()).copy()
 
 
+@pytest.mark.nightly
 def test_points_of_single_precision_far_from_the_origin(monkeypatch, small):
     points, connectivity = random_patches(500, 3, 3)
     points = (1e-4 * points + 7.0).astype(np.float32)
@@ -260,8 +261,12 @@ def test_small_work_does_not_load_the_compiler(monkeypatch):
 
 @pytest.mark.parametrize(
     "without",
-    ["import sys; sys.modules['numba'] = None", "import os; os.environ['NUMBA_DISABLE_JIT'] = '1'"],
-    ids=["missing", "switched off"],
+    [
+        pytest.param(
+            "import sys; sys.modules['numba'] = None", id="missing", marks=pytest.mark.nightly
+        ),
+        pytest.param("import os; os.environ['NUMBA_DISABLE_JIT'] = '1'", id="switched off"),
+    ],
 )
 def test_everything_runs_without_a_compiler(without):
     program = f"""
@@ -279,6 +284,7 @@ assert surface.GetOutputDataObject(0).GetNumberOfPoints() > MANY_POINTS
     subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
 
 
+@pytest.mark.nightly
 def test_loops_run_without_a_folder_for_machine_code(tmp_path):
     """Where nothing can be kept, as of a program without a file, the loops still run."""
     program = """

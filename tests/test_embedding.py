@@ -416,7 +416,10 @@ def carved(vertices, tetrahedra, seed, share=0.6):
     return vertices, tetrahedra.reshape(-1, 5, 4)[kept].reshape(-1, 4)
 
 
-@pytest.mark.parametrize("bounds", [UNIT, (0.1, 0.7, -3, -2.9, 1e3, 1e3 + 2)])
+@pytest.mark.parametrize(
+    "bounds",
+    [pytest.param(UNIT, marks=pytest.mark.nightly), (0.1, 0.7, -3, -2.9, 1e3, 1e3 + 2)],
+)
 @pytest.mark.parametrize(("whole", "outside"), [(True, "clamp"), (False, "extrapolate")])
 def test_a_lattice_equals_the_search(monkeypatch, bounds, whole, outside):
     divisions = np.array([5, 4, 3])

@@ -73,7 +73,7 @@ def test_energies_balance(function, damping, base):
     check(ModalMotion(STIFFNESS, DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function], base)]))
 
 
-@pytest.mark.parametrize("damping", ["none", "alpha"])
+@pytest.mark.parametrize("damping", ["none", pytest.param("alpha", marks=pytest.mark.nightly)])
 def test_energies_balance_with_all_kinds_of_loads(damping):
     drives = [
         ModalLoad(np.roll(GAIN, k), function, k % 3 == 0)

@@ -274,6 +274,7 @@ def test_bouncing_block_conserves_energy() -> None:
     np.testing.assert_allclose(height[fall], -GRAVITY * times[fall] ** 2 / 2, atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_body_falling_onto_a_barrier_turns_before_it() -> None:
     """The block floats on k A log(gap), about the gap k A/W, and keeps its energy."""
     stage = solver(

@@ -142,7 +142,8 @@ def run(
 
 
 def test_package_adds_a_member_to_each_group(installed: Path, tmp_path: Path) -> None:
-    lifted = "export plain_weave -q --set weave.ends=3 --set weave.picks=3 --set lift.height=2mm -o"
+    few = "--set weave.ends=3 --set weave.picks=3 --set cage.divisions=[2,2,1] --set modal.modes=6"
+    lifted = f"export plain_weave -q {few} --set lift.height=2mm -o"
     commands = ("--help", "spell yarn", "recite plain_weave poem.txt", "keys lift")
     commands += (f"{lifted} a.abc", "info a.abc", f"{lifted} a.vtu")
     found = run(*commands, path=[installed, ROOT], folder=tmp_path)
@@ -184,8 +185,8 @@ def test_core_runs_without_its_optional_parts(tmp_path: Path) -> None:
             place.with_suffix(".py").unlink()
 
     export = "export plain_weave -q --set weave.ends=3 --set weave.picks=3"
-    commands = ("--help", "render plain_weave -q -o a.png --size 160x120", f"{export} -o a.vtu")
-    unknown = ("a.inp", "a.usdc", "a.dtx")
+    commands = ("--help", "render satin_5_2 -q -o a.png --size 80x60", f"{export} -o a.vtu")
+    unknown = ("a.usdc", "a.dtx")
     commands += tuple(f"{export} -o {name}" for name in unknown)
     commands += (f"{export} -o a.vtp --set warp.smooth=true",)
     code = "from spacemap_vtk import extensions; extensions.BUILT_IN.clear()"

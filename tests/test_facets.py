@@ -162,7 +162,6 @@ def edge_error(scene: Scene, stage: PatchTessellator, seen: CameraView) -> float
     [
         (4.0, False, {}),
         (0.2, True, {}),
-        (1.0, False, LENSES),
         *(
             pytest.param(*case, marks=pytest.mark.nightly)
             for case in [
@@ -171,6 +170,7 @@ def edge_error(scene: Scene, stage: PatchTessellator, seen: CameraView) -> float
                     False,
                     {"weft_section": "racetrack", "weft_aspect": 2.0, "pattern": "twill 3/1"},
                 ),
+                (1.0, False, LENSES),
                 (0.5, False, {}),
                 (0.2, False, {"weft_section": "elliptic", "weft_aspect": 2.0}),
                 (20.0, False, {}),
@@ -267,6 +267,7 @@ def neighbours(nets: np.ndarray, sides: np.ndarray) -> list[tuple[int, int]]:
     return found
 
 
+@pytest.mark.nightly
 def test_plied_yarns_are_as_smooth_as_others() -> None:
     scene = cloth(weft_plies=3, warp_plies=2)
     seen = close_up(scene, 1.0, size=(640, 360))

@@ -68,7 +68,7 @@ def test_energy_of_a_closed_surface_is_its_volume(kind: str) -> None:
     assert float(np.vdot(pressure.forces(points), way)) == pytest.approx(change, rel=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["linear", "quadratic"])
+@pytest.mark.parametrize("kind", ["linear", pytest.param("quadratic", marks=pytest.mark.nightly)])
 def test_work_of_a_constant_pressure_is_the_change_of_volume(kind: str) -> None:
     """A body that flies, turns and swells: p ΔV, whatever the step."""
     points, cells = box(kind)

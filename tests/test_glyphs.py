@@ -220,6 +220,7 @@ def test_an_arrow_behind_the_cloth_shines_through() -> None:
     assert (after < before).mean() > 0.9
 
 
+@pytest.mark.nightly
 def test_dots_scale_with_the_picture() -> None:
     orange = []
     for height in (600, 1200):

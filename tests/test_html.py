@@ -148,6 +148,7 @@ def test_the_page_turns_plays_and_scrubs_the_scene(tmp_path: Path) -> None:
         }
 
 
+@pytest.mark.nightly
 def test_far_cloth_has_the_mean_colour_of_its_yarns_and_no_moire(tmp_path: Path) -> None:
     colors = {"warp_color": "#101010", "weft_color": "#f0f0f0"}
     weave = {"pattern": "plain", "ends": 24, "picks": 24, **colors}

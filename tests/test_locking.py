@@ -124,7 +124,7 @@ def test_locking_between_two_clamped_sides_is_estimated(cells, layers, wide):
     assert 1.0 < estimated.twist / twist < 1.5  # its second twist is the worse one
 
 
-@pytest.mark.parametrize("sides", [1, 2])
+@pytest.mark.parametrize("sides", [1, pytest.param(2, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize(("order", "wide"), [(1, 12), (2, 25)])
 @pytest.mark.parametrize(
     "fabric",

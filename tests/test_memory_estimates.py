@@ -120,6 +120,7 @@ FRAMES = [0.01 * number for number in range(12)]
 FILM = {"times": FRAMES, "subdivisions": 3, "tolerance": 2e-6}
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
 @pytest.mark.parametrize(
     ("ending", "yarns", "what", "values", "options"),

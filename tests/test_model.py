@@ -225,6 +225,7 @@ def test_rounding_is_small_where_the_sheet_is_thick():
     assert made.statics(np.ones(len(made.free)))[1][0] <= 1e-12
 
 
+@pytest.mark.nightly
 def test_a_free_very_thin_sheet_has_all_its_modes():
     made = thin_sheet(0.5, (10, 10, 1), held=np.zeros((1223, 3), bool))
     piece = made.pencil.components[0]

@@ -160,9 +160,10 @@ def test_the_union_of_the_pieces_is_the_serial_result(processes: int, tmp_path: 
                 np.testing.assert_array_equal(found[key], values, err_msg=name)
 
 
+@NIGHTLY
 @pytest.mark.parametrize(
     ("processes", "yarns"),
-    [(2, 4), pytest.param(3, 8, marks=NIGHTLY), pytest.param(5, 2, marks=NIGHTLY)],
+    [(2, 4), (3, 8), (5, 2)],
     ids=["2", "3", "idle"],
 )
 def test_scripts_in_one_session(processes: int, yarns: int, tmp_path: Path) -> None:

@@ -323,12 +323,16 @@ def refused(tmp_path: Path, content: bytes | None, ending: str = ".ply") -> str:
     return text
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("ending", [".ply", ".unknown"])
+def test_file_that_is_no_mesh_is_refused(ending: str, tmp_path: Path) -> None:
+    refused(tmp_path, b"not a mesh at all", ending)
+
+
 def test_bad_files_are_refused_with_a_message(tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path, None)
     assert "empty" in refused(tmp_path, b"")
-    refused(tmp_path, b"not a mesh at all")
     refused(tmp_path, b"<VTKFile>", ".vtu")
-    refused(tmp_path, b"x", ".unknown")
     with pytest.raises(InputError, match="no file is given"):
         ObjectSource().update()
 

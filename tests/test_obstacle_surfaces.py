@@ -130,6 +130,7 @@ def test_obstacles_are_drawn_and_can_be_hidden() -> None:
     assert hidden.view.obstacles is False
 
 
+@pytest.mark.nightly
 def test_the_ground_is_dark_under_the_cloth_and_does_not_move_the_camera() -> None:
     scene = table()
     scene.update(0.0)

@@ -256,6 +256,7 @@ main(sys.argv[1:])
 """
 
 
+@pytest.mark.nightly
 def test_a_film_can_be_stopped_inside_vtk(tmp_path: Path) -> None:
     prepare_offscreen()
     # At exit VTK waits for its threads, and the encoder thread waited for frames.

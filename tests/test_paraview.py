@@ -88,10 +88,7 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
         "series": ([tmp_path], "every step is offered, and any time between\n"),
         "cuts": ([], "cut yarns keep their numbers and colours\n"),
         "mistakes": ([], "mistakes are reported and do no harm\n"),
-        "state_of_all": (
-            [ROOT / "scenes", tmp_path],
-            f"{proxies} proxies come back from both state files\n",
-        ),
+        "state": ([tmp_path], "a state file brings back its pipeline\n"),
         "colours": ([tmp_path], "yarns in their own colours\n"),
         "readers": ([ROOT / "scenes", tmp_path], "scenes, drafts and other readers\n"),
     }
@@ -116,6 +113,12 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     assert np.abs(pictures[1] - pictures[0]).max() <= 1
     for picture in pictures[2:]:
         assert np.mean(np.abs(picture - pictures[0]).max(axis=2) > 30) > 0.1
+
+
+@pytest.mark.nightly
+def test_state_files_bring_back_every_proxy(tmp_path: Path) -> None:
+    printed = run(SCRIPTS / "state_of_all.py", ROOT / "scenes", tmp_path)
+    assert printed == f"{len(FILTERS) + 3} proxies come back from both state files\n"
 
 
 @pytest.fixture(
@@ -161,6 +164,7 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int
         process.wait()
 
 
+@pytest.mark.nightly
 def test_client_and_server_work(server: tuple[int, str], tmp_path: Path) -> None:
     port, plugin = server
     picture = tmp_path / "remote.png"
@@ -222,8 +226,13 @@ def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_pat
     in_the_yarns_colours(picture, least)
 
 
-def test_pipeline_scripts_in_one_batch(tmp_path: Path) -> None:
-    names = {script.stem for script in PIPELINES.glob("*.py")} - {"cloth_over_ranks"}
+#: Scripts that another test runs: by themselves, or with MPI.
+LATER = {"film", "cloth_over_ranks"}
+
+
+@pytest.mark.parametrize("film", [False, pytest.param(True, marks=pytest.mark.nightly)])
+def test_pipeline_scripts_in_one_batch(film: bool, tmp_path: Path) -> None:
+    names = {"film"} if film else {script.stem for script in PIPELINES.glob("*.py")} - LATER
     files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in sorted(names)}
     words = [f"{script}={file}.png" for script, file in files.items()]
     run(SCRIPTS / "session.py", tmp_path / "reported.json", *words, program="pvbatch")
@@ -254,6 +263,7 @@ def test_paraviews_window_shows_fabric_and_panel(tmp_path: Path) -> None:
     assert np.mean(panel.min(axis=2) > 250) > 0.2  # fields to write in
 
 
+@pytest.mark.nightly
 def test_check_reports_the_versions() -> None:
     code, report, error = check_with(os.environ["PATH"])
     assert (code, error) == (0, "")

@@ -117,6 +117,7 @@ def test_refinement_never_drops_the_nearest_place(monkeypatch, section):
     assert found.yarns == everywhere.yarns
 
 
+@pytest.mark.nightly
 def test_figures_of_a_metre_of_cloth_need_little_memory(tmp_path):
     """4 million crossings: 200 MB; 27 GB if it were built."""
     file = tmp_path / "metre.toml"

@@ -86,7 +86,9 @@ def test_a_sheet_of_modes_shows_the_object(tmp_path: Path) -> None:
     assert 0.1 < (np.ptp(cell, axis=2) > 40).mean() < 0.7
 
 
-@pytest.mark.parametrize("quantity", ["displacement", "acceleration"])
+@pytest.mark.parametrize(
+    "quantity", ["displacement", pytest.param("acceleration", marks=pytest.mark.nightly)]
+)
 def test_a_plot_is_written_for_a_point(tmp_path: Path, quantity: str) -> None:
     file = tmp_path / "swing.png"
     chosen = ("-o", str(file), "--quantity", quantity, "-q", *FEW)

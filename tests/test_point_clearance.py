@@ -43,6 +43,7 @@ def test_parallel_tubes(distance: float) -> None:
     assert abs(found.min() - distance) < 3e-4
 
 
+@pytest.mark.nightly
 def test_crossed_tubes_of_many_yarns() -> None:
     tubes = [tube(np.array([0, k * 1.5, 0.0]), 0, 0.3) for k in (0, 1)]
     tubes += [tube(np.array([k * 1.5, 0, 0.7]), 1, 0.3) for k in (0, 1)]

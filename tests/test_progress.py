@@ -111,6 +111,7 @@ main()
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C is another")
 def test_interrupt_while_progress_is_shown_stops_like_any_other(tmp_path: Path) -> None:
     """VTK itself ends a program whose observer is interrupted, without a word of what was done."""

@@ -89,6 +89,7 @@ def test_residual_vectors_make_the_static_response_exact(count):
     np.testing.assert_allclose(gram, np.eye(len(every)), atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_without_residual_vectors_few_modes_miss_the_sag_under_in_plane_gravity():
     model = sheet(divisions=(20, 20, 4))
     force = loads.acceleration_forces(model.nodal_mass, [0, -9.81, 0]).ravel() * model.free

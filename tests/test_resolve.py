@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from weaves import changed, measured
 
@@ -359,7 +359,6 @@ def test_feasible_intervals_against_peirces_closed_forms() -> None:
     assert fixed["weft_spacing"] == (pytest.approx(sqrt(0.3 * (2 * d - 0.3)), rel=1e-9), inf)
 
 
-@settings(max_examples=25, deadline=None)
 @given(
     st.floats(0.05, 2),
     st.floats(0.05, 2),

@@ -279,11 +279,31 @@ SHORTER = {
 }
 
 
+#: Scenes whose stages other tests run on less. Of these the gate makes the cloth and the cage only.
+LONG = {
+    "animal_in_carved_cage",
+    "arm",
+    "catenary",
+    "curtain",
+    "curtain_on_rod",
+    "let_go",
+    "lever_in_tetwild_cage",
+    "squall",
+    "swing",
+    "tablecloth",
+}
+
+
 def scenes() -> list[Any]:
     """Return each scene as the gate runs it, and those that are shorter there as they are."""
-    gate = [pytest.param(name, SHORTER.get(name, ()), id=name) for name in library.names()]
     nightly = pytest.mark.nightly
-    return gate + [pytest.param(name, (), id=f"{name} as it is", marks=nightly) for name in SHORTER]
+    short = [
+        pytest.param(name, SHORTER.get(name, ()), id=name, marks=[nightly] * (name in LONG))
+        for name in library.names()
+    ]
+    return short + [
+        pytest.param(name, (), id=f"{name} as it is", marks=nightly) for name in SHORTER
+    ]
 
 
 @pytest.mark.usefixtures("kept_modes")
@@ -305,6 +325,19 @@ def test_scene(name: str, changes: tuple[str, ...]) -> None:
     coloured = np.ptp(image, axis=2) > 40
     assert 0.02 < coloured.mean() < 0.9
     CHECKS.get(name, check_still_and_feasible)(scene)
+
+
+@pytest.mark.parametrize("name", sorted(LONG - {"lever_in_tetwild_cage"}))
+def test_long_scene_has_an_object_in_its_cage(name: str) -> None:
+    scene = Scene.read(name)
+    scene.check()
+    scene.update_stage(scene.source)
+    scene.update_stage(scene.cage)
+    low, high = np.reshape(scene.source.output.GetBounds(), (3, 2)).T
+    least, most = np.reshape(scene.cage.output.GetBounds(), (3, 2)).T
+    slack = 1e-6 * (high - low).max()
+    assert (least <= low + slack).all()
+    assert (most >= high - slack).all()
 
 
 def test_the_cells_of_the_drape_are_at_most_half_as_wide_as_its_bending_length() -> None:
@@ -338,12 +371,29 @@ for script in scripts:
 """
 
 
-@pytest.mark.parametrize("draws", [True, False], ids=["drawing", "not drawing"])
-def test_pipeline_scripts_run_without_a_warning(draws: bool) -> None:
+#: Scripts that do what another one does, in PyVista's words or with several processes.
+SLOW_SCRIPTS = {"film_with_pyvista", "in_pieces"}
+
+
+@pytest.mark.parametrize(
+    ("draws", "slow"),
+    [
+        pytest.param(True, False, id="drawing"),
+        pytest.param(False, False, id="not drawing"),
+        pytest.param(True, True, id="slow and drawing", marks=pytest.mark.nightly),
+        pytest.param(False, True, id="slow and not drawing", marks=pytest.mark.nightly),
+    ],
+)
+def test_pipeline_scripts_run_without_a_warning(draws: bool, slow: bool) -> None:
     if draws:
         prepare_offscreen()  # in this process, which then skips where it cannot draw
-    found = sorted((ROOT / "pipelines").glob("*.py"))
-    scripts = [str(path) for path in found if ("prepare_offscreen()" in path.read_text()) == draws]
+    scripts = [
+        str(path)
+        for path in sorted((ROOT / "pipelines").glob("*.py"))
+        if ("prepare_offscreen()" in path.read_text()) == draws
+        and (path.stem in SLOW_SCRIPTS) == slow
+    ]
+    assert scripts
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", _RUN_SCRIPTS, *scripts],
         capture_output=True,

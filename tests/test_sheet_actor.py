@@ -102,7 +102,7 @@ DRAFTS = {
     "name",
     [
         "pattern weft",
-        "double weave",
+        pytest.param("double weave", marks=pytest.mark.nightly),
         pytest.param("satin", marks=pytest.mark.nightly),
         pytest.param("overshot", marks=pytest.mark.nightly),
         pytest.param("summer and winter", marks=pytest.mark.nightly),
@@ -171,6 +171,7 @@ def test_a_cloth_of_few_thin_yarns_has_exact_means() -> None:
     assert seen.sheet is None
 
 
+@pytest.mark.nightly
 def test_crossings_beyond_the_texture_size_keep_their_mean_colours(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

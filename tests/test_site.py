@@ -24,26 +24,43 @@ def test_tests_named_by_the_verification_page_exist() -> None:
     assert all("::" in line or line.startswith(("|--", "| what")) for line in lines)
 
 
-def build_site(folder: Path, builder: str, *options: str) -> Path:
+def build_site(folder: Path) -> Path:
     """Run Sphinx, which fails at its first warning, and return the folder of the pages."""
     pytest.importorskip("furo")
-    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-b", builder, *options]
+    words = [sys.executable, "-m", "sphinx", "-qW", "--keep-going", "-b", "html"]
     words += ["-d", str(folder / "kept"), str(ROOT / "docs"), str(folder / "site")]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "site"
 
 
-def test_all_pages_are_read_and_their_references_found(tmp_path: Path) -> None:
-    # No page is written. The page of kernels, which takes half of the time, is read nightly;
-    # tests/check_docstrings.py checks what it shows.
-    without = "-Dexclude_patterns=made/*.txt,made/kernels.md"
-    build_site(tmp_path, "dummy", without, "-Dsuppress_warnings=myst.header,toc.not_readable")
+def anchors(page: Path) -> set[str]:
+    """Return the names by which links refer to the headings of a page."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.M)
+    return {re.sub(r"[^\w -]", "", text.lower()).replace(" ", "-") for text in headings}
+
+
+def test_pages_and_headings_that_are_linked_exist() -> None:
+    """The nightly run builds the site, which fails at any warning."""
+    docs, tried = ROOT / "docs", 0
+    written = {"commands", "formats", "gallery", "kernels", "parameters", "stages"}
+    for page in docs.rglob("*.md"):
+        if page.parent.name == "made":
+            continue
+        for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text("utf-8")):
+            place, _, heading = link.partition("#")
+            target = page if not place else page.parent / place
+            if ":" in place or target.with_suffix("").name in written:
+                continue  # elsewhere, or a page that the build writes
+            assert target.exists(), f"{page.name}: {link}"
+            assert not heading or heading in anchors(target), f"{page.name}: {link}"
+            tried += 1
+    assert tried > 50
 
 
 @pytest.mark.nightly
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
-    site = build_site(tmp_path, "html")
+    site = build_site(tmp_path)
     parameters = (site / "made" / "parameters.html").read_text("utf-8")
     assert "youngs_modulus" in parameters
     assert "<math" in (site / "explanation" / "theory.html").read_text("utf-8")

@@ -59,7 +59,14 @@ def picture(scene: Scene, time: float = 0.02) -> np.ndarray:
     return image.astype(int)
 
 
-@pytest.mark.parametrize("name", VIEWS)
+#: Views whose parts others show too.
+SIMILAR = {"a cage", "near", "families", "tinted"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.nightly] * (name in SIMILAR)) for name in VIEWS],
+)
 def test_software_pictures_agree_with_opengl(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     prepare_offscreen()
     view, most = VIEWS[name]
@@ -76,6 +83,7 @@ def test_software_pictures_agree_with_opengl(name: str, monkeypatch: pytest.Monk
     assert np.abs(made - expected).mean() < min(most, 0.5 * bare)
 
 
+@pytest.mark.nightly
 def test_obstacles_look_as_with_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
     prepare_offscreen()
     scene = Scene(TABLE)
@@ -173,7 +181,7 @@ def test_a_film_is_drawn_frame_by_frame(tmp_path: Path, monkeypatch: pytest.Monk
     assert np.abs(frames[0] - frames[-1]).mean() > 0.1
 
 
-@pytest.mark.parametrize("kept", [True, False])
+@pytest.mark.parametrize("kept", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_compiled_loops_are_not_stored_in_the_package(kept: bool, tmp_path: Path) -> None:
     """What pip did not install would outlive it, and hide an editable install of the same."""
     code = (

@@ -13,6 +13,7 @@ from spacemap_vtk.scenes.scene import Scene
 SCRIPT = runpy.run_path(str(Path(__file__).parent.parent / "benchmarks" / "steps.py"))
 
 
+@pytest.mark.nightly
 def test_stages_of_a_new_time_are_listed_with_their_bytes():
     scene = Scene.read("plain_weave")
     figures = SCRIPT["step_timings"](scene, steps=2)

@@ -50,6 +50,7 @@ def test_schematic_has_flat_colours_and_lines() -> None:
     assert 0.005 < share(image, (0, 0, 0)) < 0.1
 
 
+@pytest.mark.nightly
 def test_sheet_seen_from_afar_has_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     many = {"ends": 32, "picks": 32, "warp_diameter": 2.8e-4, "weft_diameter": 2.8e-4}
     fine = drawn("blueprint", 320, **many)[80:240, 80:240].mean(axis=(0, 1))

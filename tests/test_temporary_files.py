@@ -54,8 +54,10 @@ unix = pytest.mark.skipif(sys.platform == "win32", reason="no process there hear
             for number in END_SIGNALS
         ),
         # one that comes when all is done ends the process by itself
-        (_WAIT, [signal.SIGTERM] * 4, [143, -signal.SIGTERM]),
-        (_WAIT, [signal.SIGINT], [-signal.SIGINT]),
+        pytest.param(
+            _WAIT, [signal.SIGTERM] * 4, [143, -signal.SIGTERM], marks=pytest.mark.nightly
+        ),
+        pytest.param(_WAIT, [signal.SIGINT], [-signal.SIGINT], marks=pytest.mark.nightly),
         (_IN_VTK, [], [143]),
         (_FAILS, [], [1]),
     ],

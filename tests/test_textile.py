@@ -224,7 +224,7 @@ youngs_modulus = "20 kPa"
 """
 
 
-@pytest.fixture(params=["rods", "loops"])
+@pytest.fixture(params=[pytest.param("rods", marks=pytest.mark.nightly), "loops"])
 def scene(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A scene that hangs and swings."""
     file = tmp_path / f"{request.param}.toml"

@@ -152,6 +152,7 @@ def test_states_are_computed_once_cached_and_continued(folder: Path) -> None:
     )
 
 
+@pytest.mark.nightly
 def test_stopped_run_continues() -> None:
     mover = chain(TransientResponse(max_step="0.1 ms", tolerance=0.1))
     mover.update(0.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from window import drag, require_display, scene_of, settled, type_into, wait_until
 
 require_display()
@@ -55,6 +56,7 @@ def test_typed_value_with_a_unit_is_converted(open_scene: Any) -> None:
     assert executions(window) == {name: runs + 1 for name, runs in before.items()}
 
 
+@pytest.mark.nightly
 def test_word_auto_can_be_typed(open_scene: Any) -> None:
     window = open_scene()
     document = window.document
@@ -98,6 +100,7 @@ def test_slider_drag_runs_only_downstream_stages(open_scene: Any) -> None:
     assert window.document.scene.modal.youngs_modulus == value
 
 
+@pytest.mark.nightly
 def test_new_time_runs_only_the_last_three_stages(open_scene: Any) -> None:
     window = open_scene()
     before = executions(window)

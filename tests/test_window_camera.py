@@ -6,6 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pytest
 from window import WIDE, require_display, settled, wait_until
 
 require_display()
@@ -86,6 +87,7 @@ def test_click_on_an_axis_looks_along_it(open_scene: Any) -> None:
     window.tools.part_actions["triad"].trigger()
 
 
+@pytest.mark.nightly
 def test_turntable_keeps_the_up_axis(open_scene: Any) -> None:
     window = open_scene()
     window.resize(*WIDE)
@@ -109,6 +111,7 @@ def test_turntable_keeps_the_up_axis(open_scene: Any) -> None:
     window.tools.turntable.setChecked(False)
 
 
+@pytest.mark.nightly
 def test_resizing_keeps_the_scene_in_view_until_the_camera_is_moved(open_scene: Any) -> None:
     window = open_scene()
 

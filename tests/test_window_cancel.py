@@ -64,7 +64,7 @@ HEAVY = {
 }
 
 
-@pytest.mark.parametrize("stage", list(HEAVY))
+@pytest.mark.parametrize("stage", [pytest.param("weave", marks=pytest.mark.nightly), "modal"])
 def test_every_long_stage_can_be_cancelled(open_window: Any, stage: str) -> None:
     window = open_window()
     frame = window.view.frame
@@ -123,6 +123,7 @@ def test_cancelled_run_can_be_started_again(open_window: Any) -> None:
     assert not window.errors.run_button.isVisible()
 
 
+@pytest.mark.nightly
 def test_message_about_a_cancelled_run_is_correct(open_window: Any, tmp_path: Path) -> None:
     window = open_window()
     # A run that is long enough to be cancelled.

@@ -18,6 +18,7 @@ from spacemap_vtk.app.draft.draft_layout import GridCell  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 
+@pytest.mark.nightly
 def test_each_edit_builds_one_scene(
     open_window: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import pyvista as pv
 from window import require_display, scene_of, settled, type_into, wait_until
 
@@ -214,6 +215,7 @@ def test_strips_are_painted_with_palette_and_dialog_colours(
     assert draft.grid.color.name() == "#e8c78f"
 
 
+@pytest.mark.nightly
 def test_swatches_keep_their_places(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     draft, view = window.draft, window.draft.grid.viewport()
@@ -276,6 +278,7 @@ def test_draft_can_be_edited_with_the_keyboard(draft_of: Any, qtbot: Any, twill:
     assert "pick 1 " in window.draft.hint.text()
 
 
+@pytest.mark.nightly
 def test_draft_with_32_shafts_fits_into_the_tab(draft_of: Any, qtbot: Any) -> None:
     window = draft_of(library.folder() / "32-shaft_twill.wif", wait=False)
     window.splitter.setSizes([260, 300, 640])
@@ -365,6 +368,7 @@ def test_draft_tab_explains_that_a_mesh_has_no_draft(draft_of: Any) -> None:
     assert window.draft.grid.isVisible()
 
 
+@pytest.mark.nightly
 def test_typed_counts_keep_their_digits(draft_of: Any, twill: Path) -> None:
     window = draft_of(twill)
     ends, hint = window.draft.counts["ends"], window.draft.hint

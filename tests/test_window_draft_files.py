@@ -138,6 +138,7 @@ def test_edited_draft_is_shown_by_its_original_name(
     assert line.text() == "mine.wif"
 
 
+@pytest.mark.nightly
 def test_saved_draft_leaves_no_unsaved_change(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,6 +163,7 @@ def test_saved_draft_leaves_no_unsaved_change(
     assert window.isWindowModified()
 
 
+@pytest.mark.nightly
 def test_opened_draft_is_saved_as_a_draft(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

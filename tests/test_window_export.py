@@ -79,6 +79,7 @@ def find_yarns(picture: np.ndarray) -> tuple[np.ndarray, tuple[float, float]]:
     return mask, (shares[0], shares[1])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("widths", "size"),
     [
@@ -131,6 +132,7 @@ def test_exported_picture_contains_at_least_the_zoomed_view(open_scene: Any) -> 
     assert 0.5 * tall.parallel_scale == pytest.approx(here.parallel_scale * width / height)
 
 
+@pytest.mark.nightly
 def test_dark_window_exports_its_background_and_wireframe(open_scene: Any, tmp_path: Path) -> None:
     window, done = open_scene(), []
     window.exports.written.connect(done.append)
@@ -350,6 +352,7 @@ def test_exported_yarns_are_irregular_only_on_request(
     assert 5e-6 < cKDTree(found[0]).query(found[1])[0].max() < 5e-5
 
 
+@pytest.mark.nightly
 def test_exported_series_has_the_typed_times(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -408,6 +411,7 @@ def test_failed_exports_are_reported(open_scene: Any, tmp_path: Path) -> None:
     assert list(tmp_path.glob("none*")) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
@@ -433,6 +437,7 @@ def test_full_disk_is_reported_and_the_old_file_stays(
     ]
 
 
+@pytest.mark.nightly
 def test_folder_in_place_of_the_output_is_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.exports.start("picture", tmp_path / "x.png", size=(160, 120))
@@ -456,6 +461,7 @@ launch("plain_weave", lambda window: QTimer.singleShot(1000, lambda: begin(windo
 """
 
 
+@pytest.mark.nightly
 def test_terminated_window_leaves_no_partial_file(tmp_path: Path) -> None:
     target = tmp_path / "film.mp4"
     target.write_bytes(b"what was there")
@@ -474,6 +480,7 @@ def test_terminated_window_leaves_no_partial_file(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.nightly
 def test_process_that_does_not_start_is_reported(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,6 +28,7 @@ file = "puff.csv"  # measured
 """
 
 
+@pytest.mark.nightly
 def test_load_with_a_table_file_can_be_edited(open_scene: Any, tmp_path: Path) -> None:
     (tmp_path / "puff.csv").write_text("0, 0\n0.1, 1\n0.2, 0\n")
     scene = tmp_path / "scene.toml"
@@ -48,6 +49,7 @@ def test_load_with_a_table_file_can_be_edited(open_scene: Any, tmp_path: Path) -
     assert (puff.file.resolve(), gravity.action) == (tmp_path / "puff.csv", "gravity")
 
 
+@pytest.mark.nightly
 def test_table_of_modes_shows_the_damping_in_use(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("response")
@@ -139,6 +141,7 @@ def test_leaving_the_time_field_unchanged_keeps_the_time(open_scene: Any) -> Non
     assert asked == [0.02]
 
 
+@pytest.mark.nightly
 def test_undo_switches_an_added_stage_off(open_scene: Any, tmp_path: Path) -> None:
     scene_file = tmp_path / "still.toml"
     scene_file.write_text(SMALL)
@@ -242,6 +245,7 @@ def test_invalid_draft_marks_its_field_and_shows_an_empty_view(
     assert window.view.image().min() < 100
 
 
+@pytest.mark.nightly
 def test_table_of_modes_follows_a_change_while_playing(open_scene: Any) -> None:
     window = open_scene()
     window.times.play.click()

@@ -38,6 +38,7 @@ def click(widget: Any, at: Any = None) -> None:
     QTest.mouseClick(widget, Qt.MouseButton.LeftButton, pos=at or widget.rect().center())
 
 
+@pytest.mark.nightly
 def test_vector_component_can_be_dragged(open_scene: Any) -> None:
     window = open_scene()
     gravity = editor(window, "response", "gravity")
@@ -162,6 +163,7 @@ def test_automatic_values_in_use_are_shown(
     wait_until(lambda: settled(window))
 
 
+@pytest.mark.nightly
 def test_new_fabric_shows_automatic_values_at_once(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     ends = editor(window, "weave", "ends")
@@ -184,8 +186,8 @@ def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
             wait_until(lambda: window.errors.text)
             assert "force" in window.errors.text
             loads.cards[-1].remove_button.click()
-        wait_until(lambda: settled(window))
-        assert window.errors.text == ""
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""
     actions = [load.action for load in window.document.scene.response.loads]
     assert actions == [a.data() for a in loads.add_button.menu().actions() if a.data() != "array"]
     for card in range(len(loads.cards)):
@@ -210,8 +212,8 @@ def test_obstacles_have_cards_as_loads_have(open_scene: Any) -> None:
     for action in cards.add_button.menu().actions():
         if action.data() != "mesh":
             action.trigger()
-            wait_until(lambda: settled(window))
-            assert window.errors.text == ""
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""
     found = window.document.scene.modal.obstacles
     assert [each.shape for each in found] == [s for s in SHAPES if s != "mesh"]
     width = np.ptp(points_of(window.document.scene.cage.output), axis=0).max()
@@ -296,6 +298,7 @@ def test_drop_lets_go_of_the_supports(open_scene: Any, tmp_path: Path) -> None:
     assert np.linalg.norm(contact.force) == pytest.approx(weight, rel=0.01)
 
 
+@pytest.mark.nightly
 def test_changing_a_load_keeps_the_comments_around_it(open_scene: Any) -> None:
     window = open_scene("gust")
     before = (library.folder() / "gust.toml").read_text().splitlines()
@@ -369,6 +372,7 @@ def undo_typing(line: Any, text: str) -> None:
         QTest.keyClick(line, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("again", [type_again, undo_typing])
 def test_restoring_a_value_clears_the_error(open_scene: Any, again: Any) -> None:
     window = open_scene()
@@ -393,6 +397,7 @@ def test_restoring_a_value_clears_the_error(open_scene: Any, again: Any) -> None
         assert window.document.history.isClean(), name
 
 
+@pytest.mark.nightly
 def test_picture_size_starts_with_the_automatic_size(open_scene: Any) -> None:
     window = open_scene("handweaving", wait=False)
     window.document.set("view", "size", None)
@@ -404,6 +409,7 @@ def test_picture_size_starts_with_the_automatic_size(open_scene: Any) -> None:
     assert window.errors.text == ""
 
 
+@pytest.mark.nightly
 def test_undo_first_restores_a_refused_value(open_scene: Any) -> None:
     window = open_scene("plain_weave")
     undo = window.menus.actions["Undo"]

@@ -47,7 +47,8 @@ def open_and_check(open_scene: Any, name: str) -> Any:
 #: Kinds of scenes that are slow to open, and whose sections also occur in the others.
 SLOW_KINDS = (
     *("animal_in_carved_cage", "cantilever_test", "catenary", "drape", "lever_in_tetwild_cage"),
-    *("tablecloth", "yarn_to_cloth"),
+    *("double_weave", "handweaving", "overhang", "swing", "tablecloth", "yarn_tension"),
+    "yarn_to_cloth",
 )
 #: Slow scenes of kinds that have a faster one.
 SLOW_SCENES = ("arm", "curtain", "curtain_on_rod")
@@ -122,7 +123,7 @@ def test_draft_file_opens_as_a_scene(open_scene: Any) -> None:
 
 def test_saving_keeps_every_comment(open_scene: Any, tmp_path: Path) -> None:
     original = (library.folder() / "plain_weave.toml").read_text()
-    window = open_scene()
+    window = open_scene(wait=False)
     window.stages.select("modal")
     type_into(window.properties.rows["youngs_modulus"].editor.line, "2 kPa")
     window.document.save(tmp_path / "mine.toml")
@@ -320,6 +321,7 @@ def test_undo_restores_an_overwritten_draft(folders: tuple[Path, Path]) -> None:
     assert (document.scene.woven.make_draft().drawdown == inverted).all()
 
 
+@pytest.mark.nightly
 def test_undo_to_a_deleted_file_is_reported(open_scene: Any, folders: tuple[Path, Path]) -> None:
     first, _ = folders
     window = open_scene(str(first / "scene.toml"))
@@ -453,6 +455,7 @@ def test_menu_items_are_unique(open_scene: Any) -> None:
         look_at(top.menu())
 
 
+@pytest.mark.nightly
 def test_opening_scenes_repeatedly_leaks_no_stages(open_window: Any, twill: Path) -> None:
     def stages() -> int:
         gc.collect()

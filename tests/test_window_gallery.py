@@ -23,6 +23,8 @@ from spacemap_vtk.cancel import Cancelled  # noqa: E402
 from spacemap_vtk.draw import thumbnails  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 
+NIGHTLY = pytest.mark.nightly
+
 
 def item_position(window: Any, name: str) -> Any:
     pictures = window.gallery.list
@@ -64,7 +66,9 @@ def test_starting_with_a_scene_shows_the_modes_tab(open_window: Any) -> None:
     assert window.tabs.currentWidget() is window.modes
 
 
-@pytest.mark.parametrize("how", ["click", "double click", "keyboard"])
+@pytest.mark.parametrize(
+    "how", ["click", *(pytest.param(each, marks=NIGHTLY) for each in ("double click", "keyboard"))]
+)
 def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
     window = open_scene(None)
     opened: list[str] = []
@@ -132,6 +136,7 @@ def test_splash_screen_closes_when_the_window_has_drawn(open_window: Any) -> Non
     assert np.isfinite(window.view.frame.time)
 
 
+@pytest.mark.nightly
 def test_splash_screen_closes_when_the_first_run_is_cancelled(
     open_window: Any, tmp_path: Path
 ) -> None:
@@ -151,6 +156,7 @@ def test_splash_screen_closes_when_the_first_run_is_cancelled(
     wait_until(lambda: not screen.isVisible(), 30)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("dark", [False, True])
 def test_scroll_bar_of_the_gallery_is_drawn_completely(open_scene: Any, dark: bool) -> None:
     window = open_scene()
@@ -172,6 +178,7 @@ def test_scroll_bar_of_the_gallery_is_drawn_completely(open_scene: Any, dark: bo
         window.menus.dark.trigger()
 
 
+@pytest.mark.nightly
 def test_late_thumbnails_are_drawn_completely(open_window: Any) -> None:
     window = open_window("plain_weave")
     window.tabs.setCurrentWidget(window.gallery)
@@ -189,7 +196,7 @@ def test_late_thumbnails_are_drawn_completely(open_window: Any) -> None:
     assert len(brown) > icon.height() // 4
 
 
-@pytest.mark.parametrize("ends", ["drawn", "cancelled"])
+@pytest.mark.parametrize("ends", ["drawn", pytest.param("cancelled", marks=NIGHTLY)])
 def test_slow_scene_shows_its_thumbnail_until_it_is_drawn(
     ends: str, open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -39,6 +39,7 @@ def test_window_imports_neither_plotter_nor_solver() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.nightly
 def test_first_picture_with_cached_modes_imports_no_solver(tmp_path: Path) -> None:
     require_display()
     code = (

@@ -123,6 +123,7 @@ def test_r_fits_the_view_and_1_looks_from_three_quarters(view_of: Any, hand: Pre
     wait_until(lambda: np.allclose(direction(window), -1 / np.sqrt(3)))
 
 
+@pytest.mark.nightly
 def test_w_switches_the_wireframe(view_of: Any, hand: Press) -> None:
     window = view_of()
     before = image(window)
@@ -214,6 +215,7 @@ def test_p_picks_and_shift_f_flies_to_the_point_under_the_mouse(view_of: Any, ha
     assert window.view.viewpoint == place
 
 
+@pytest.mark.nightly
 def test_other_keys_do_not_change_the_view(view_of: Any) -> None:
     window = view_of()
     used_keys = {

@@ -141,6 +141,7 @@ def test_near_yarns_move_like_the_whole_cloth(
     assert bool(frame.yarns.GetPointData().HasArray("velocity")) is (swing is None)
 
 
+@pytest.mark.nightly
 def test_run_for_the_view_is_cancelled_when_the_camera_moves(
     opened: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,6 +190,7 @@ def test_fewer_facets_are_drawn_while_the_camera_moves(
     assert [actor.GetVisibility() for actor in actors] == [1, 0]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way_back", ["untick", pytest.param("undo", marks=pytest.mark.nightly)])
 def test_sheet_returns_to_rest_when_its_motion_is_removed(
     way_back: str, open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -41,6 +41,7 @@ def play(window: Any) -> None:
     frames_drawn(window, 3)
 
 
+@pytest.mark.nightly
 def test_messages_stay_while_playing(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -90,6 +91,7 @@ def test_messages_stay_while_playing(
     assert window.times.playing
 
 
+@pytest.mark.nightly
 def test_frame_of_the_motion_clears_a_run_error_and_a_mode_does_not(open_scene: Any) -> None:
     window = open_scene()
     window.document.set_many("response", {"damping_ratio": 0.05, "alpha": 3.0})
@@ -108,6 +110,7 @@ def test_frame_of_the_motion_clears_a_run_error_and_a_mode_does_not(open_scene: 
     assert window.stages.states["response"] == "fresh"
 
 
+@pytest.mark.nightly
 def test_failure_of_an_older_run_does_not_end_a_mode_just_clicked(open_scene: Any) -> None:
     window = open_scene()
     request = window.director._last_request
@@ -134,6 +137,7 @@ def test_failing_mode_animation_ends(open_scene: Any) -> None:
     assert len(messages) < 4
 
 
+@pytest.mark.nightly
 def test_late_failure_does_not_stop_a_newer_request(open_scene: Any) -> None:
     window = open_scene()
     messages: list[Any] = []
@@ -195,6 +199,7 @@ def test_undo_includes_the_waiting_change_of_a_drag(
     assert document.history.isClean()
 
 
+@pytest.mark.nightly
 def test_drag_ends_when_its_slider_is_deleted(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("modal")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from window import WIDE, require_display, scene_of, settled, wait_until
 
 require_display()
@@ -109,6 +110,7 @@ def test_table_of_modes_follows_the_scene(open_scene: Any, tmp_path: Path) -> No
     assert window.modes.table.rowCount() == 5
 
 
+@pytest.mark.nightly
 def test_unresolved_modes_are_marked(open_scene: Any) -> None:
     """With 5 x 5 cells, the 7th mode of a sheet is 25 % too high."""
     window = open_scene()
@@ -135,6 +137,7 @@ def test_unresolved_modes_are_marked(open_scene: Any) -> None:
     assert not warning.isVisible()
 
 
+@pytest.mark.nightly
 def test_masses_of_former_modes_are_grey(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.modes)
@@ -153,6 +156,7 @@ def test_masses_of_former_modes_are_grey(open_scene: Any) -> None:
 
 
 # Wide, as at the start, and as narrow as possible.
+@pytest.mark.nightly
 def test_table_of_modes_fills_its_width(open_scene: Any) -> None:
     window = open_scene()
     window.resize(*WIDE)

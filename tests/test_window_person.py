@@ -131,7 +131,14 @@ def test_undo_works_from_a_field_and_a_count(open_scene: Any, qtbot: Any) -> Non
     assert window.document.scene.source.ends == 7
 
 
-@pytest.mark.parametrize("moment", ["playing", "stroke", "curves", "swing", "loading"])
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "playing",
+        "loading",
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in ("stroke", "curves", "swing")),
+    ],
+)
 def test_window_can_be_closed_at_any_moment(open_window: Any, qtbot: Any, moment: str) -> None:
     window = open_window(wait=moment != "loading")
     if moment == "playing":
@@ -155,6 +162,7 @@ def test_window_can_be_closed_at_any_moment(open_window: Any, qtbot: Any, moment
     assert not window.isVisible()
 
 
+@pytest.mark.nightly
 def test_error_of_another_stage_does_not_end_a_drag(open_scene: Any, qtbot: Any) -> None:
     window = open_scene()
     window.stages.select("response")
@@ -178,7 +186,7 @@ def test_error_of_another_stage_does_not_end_a_drag(open_scene: Any, qtbot: Any)
     assert window.properties.section == "weave"
 
 
-@pytest.mark.parametrize("deeds", [40, pytest.param(150, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("deeds", [20, pytest.param(150, marks=pytest.mark.nightly)])
 def test_fast_random_input_breaks_nothing(open_window: Any, qtbot: Any, deeds: int) -> None:
     """Perform many random actions; an exception or a message of VTK fails the test."""
     window, dice = open_window(), random.Random(6)

@@ -94,6 +94,7 @@ def test_curve_matches_the_motion_of_the_picked_point(plots_of: Any, qtbot: Any)
     assert error < 0.05 * np.abs(curves.motion[1, 0]).max()
 
 
+@pytest.mark.nightly
 def test_plotted_points_are_marked_in_the_view(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     window.tools.cameras["front"].trigger()
@@ -142,6 +143,7 @@ def test_plotted_energies_and_response_equal_those_of_the_pipeline(plots_of: Any
     assert abs(peak / curves.modes[0] - 1) < 0.01
 
 
+@pytest.mark.nightly
 def test_playing_moves_the_cursor_without_drawing_the_plot(
     plots_of: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,6 +195,7 @@ def test_click_in_a_plot_goes_to_its_time(plots_of: Any, qtbot: Any) -> None:
     assert window.times.time == before  # frequencies have no time
 
 
+@pytest.mark.nightly
 def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     first = window.plots.curves
@@ -216,6 +219,7 @@ def test_curves_are_computed_only_while_the_tab_is_visible(plots_of: Any, qtbot:
     assert window.plots.curves is not second
 
 
+@pytest.mark.nightly
 def test_every_quantity_and_component_gives_another_plot(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     pictures = []
@@ -273,6 +277,7 @@ def test_plots_use_the_time_steps_of_a_motion_file(plots_of: Any) -> None:
     np.testing.assert_allclose(curves.motion[0, 0, len(curves.times) // 2], expected, rtol=1e-6)
 
 
+@pytest.mark.nightly
 def test_scene_without_motion_has_no_plots(plots_of: Any, tmp_path: Path) -> None:
     window = plots_of()
     scene_file = tmp_path / "still.toml"
@@ -289,6 +294,7 @@ def test_scene_without_motion_has_no_plots(plots_of: Any, tmp_path: Path) -> Non
     wait_until(lambda: settled(window))
 
 
+@pytest.mark.nightly
 def test_titles_and_legends_do_not_overlap(plots_of: Any, qtbot: Any) -> None:
     window = plots_of()
     window.tools.cameras["front"].trigger()
@@ -316,6 +322,7 @@ def test_titles_and_legends_do_not_overlap(plots_of: Any, qtbot: Any) -> None:
                     assert not box.overlaps(other), (points, size)
 
 
+@pytest.mark.nightly
 def test_cancelled_run_gives_no_curves(plots_of: Any) -> None:
     window = plots_of()
     plots, before = window.plots, window.plots.curves
@@ -339,6 +346,7 @@ def test_cancelled_run_gives_no_curves(plots_of: Any) -> None:
     assert not np.allclose(plots.curves.modes[:5], before.modes[:5], rtol=1e-3)
 
 
+@pytest.mark.nightly
 def test_transient_motion_is_plotted_with_its_energies(plots_of: Any, tmp_path: Path) -> None:
     file = tmp_path / "fall.toml"
     file.write_text(
@@ -374,6 +382,7 @@ def test_transient_motion_is_plotted_with_its_energies(plots_of: Any, tmp_path: 
     assert window.plots.curves.motion[0, 0, 7, 2] > 0
 
 
+@pytest.mark.nightly
 def test_slow_curves_show_progress_and_can_be_cancelled(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 from window import require_display, settled, type_into, wait_until
 
 require_display()
@@ -172,6 +173,7 @@ def test_clip_plane_cuts_moves_and_is_remembered(open_scene: Any) -> None:
     assert np.abs(window.view.image().astype(int) - uncut).mean() < 1.0
 
 
+@pytest.mark.nightly
 def test_new_scene_is_not_clipped(open_scene: Any) -> None:
     window = open_scene()
     window.tools.clip.trigger()
@@ -250,6 +252,7 @@ def test_point_of_an_object_can_be_picked(open_scene: Any) -> None:
     assert "moved by" in window.status_text.full_text
 
 
+@pytest.mark.nightly
 def test_colour_scale_never_shrinks_while_playing(open_scene: Any) -> None:
     window = open_scene()
     # Without the frame at 20 ms, which would widen the scale from the start.

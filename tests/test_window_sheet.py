@@ -117,6 +117,7 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     assert not window.modes.sheet.isVisible()
 
 
+@pytest.mark.nightly
 def test_automatic_off_starts_with_the_value_in_use(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.document.set("modal", "bending_rigidity", None)
@@ -194,6 +195,7 @@ def test_dead_load_can_be_added_and_has_no_time_function(open_scene: Any, strip:
     np.testing.assert_array_equal(equilibrium(window), before)
 
 
+@pytest.mark.nightly
 def test_equilibrium_displacement_can_be_shown_in_colour(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     bar = window.view.scene_view.surface.color_bar
@@ -238,6 +240,7 @@ def test_equilibrium_reports_progress_and_can_be_cancelled(open_window: Any, str
     )
 
 
+@pytest.mark.nightly
 def test_colouring_is_reset_when_its_quantity_disappears(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     before = window.document.text

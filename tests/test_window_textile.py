@@ -46,7 +46,7 @@ def test_draft_of_another_source_cannot_be_edited(open_window: Any, tmp_path: Pa
     wait_until(lambda: "[tabby] cannot be edited" in window.draft.placeholder.text())
 
 
-@pytest.mark.parametrize("source", [Rods, Loops])
+@pytest.mark.parametrize("source", [pytest.param(Rods, marks=pytest.mark.nightly), Loops])
 def test_other_textile_shows_its_own_figures(
     source: type[Rods], open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -73,6 +73,7 @@ def test_patched_fxaa_shader_draws_the_same_pixels(
         widget.close()
 
 
+@pytest.mark.nightly
 def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("response", "gravity", (0.0, -9.81, 0.0))
@@ -104,6 +105,7 @@ def test_shown_load_arrows_are_inside_the_view(open_scene: Any) -> None:
     assert window.view.canvas.camera.GetPosition() == before
 
 
+@pytest.mark.nightly
 def test_python_threads_run_while_opengl_draws(open_window: Any) -> None:
     window = open_window("tube_bundle")  # an object: its shadows are drawn apart
     canvas, wait, done, ticks = window.view.canvas, window.view.canvas._gl_finish, [], []
@@ -147,6 +149,7 @@ def test_python_threads_run_while_opengl_draws(open_window: Any) -> None:
     assert sum(drawing) <= 10
 
 
+@pytest.mark.nightly
 def test_every_colouring_gives_another_picture(open_scene: Any) -> None:
     window = open_scene()
     of_yarns = ["crimp", "yarn_strain", "yarn_tension", "contact_force", "jammed"]
@@ -174,6 +177,7 @@ def test_every_colouring_gives_another_picture(open_scene: Any) -> None:
     assert window.document.values["view"]["color"] == names[-1]
 
 
+@pytest.mark.nightly
 def test_back_faces_of_yarns_are_not_drawn(open_scene: Any) -> None:
     window = open_scene()
     look = window.view.scene_view.surface.GetProperty()
@@ -342,6 +346,7 @@ def test_woven_yarns_have_their_shadows_also_in_motion(open_scene: Any) -> None:
     assert bare.mean() - rest.mean() > 1.0
 
 
+@pytest.mark.nightly
 def test_labels_cast_no_shadows(open_scene: Any) -> None:
     window = open_scene("tube_bundle")
     view = window.view
@@ -362,6 +367,7 @@ def test_labels_cast_no_shadows(open_scene: Any) -> None:
     assert abs((without - with_).mean()) < 15.0
 
 
+@pytest.mark.nightly
 def test_several_mouse_moves_are_drawn_once(open_scene: Any) -> None:
     window = open_scene()
     widget, at, drawn = window.view.canvas, QPoint(300, 300), []
@@ -393,6 +399,7 @@ def test_drag_rotates_the_camera_and_picks_nothing(open_scene: Any) -> None:
     assert not picks
 
 
+@pytest.mark.nightly
 def test_tools_of_a_narrow_window_stay_together(open_scene: Any) -> None:
     window = open_scene()
     window.resize(1024, 700)
@@ -412,6 +419,7 @@ def test_stage_list_shows_time_and_runs_beside_the_name(open_scene: Any) -> None
             assert item.textAlignment(column) & int(Qt.AlignmentFlag.AlignVCenter)
 
 
+@pytest.mark.nightly
 def test_narrow_tool_bar_keeps_all_tools_reachable(open_scene: Any) -> None:
     window = open_scene()
     window.resize(1000, 700)
@@ -462,6 +470,7 @@ def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
         assert not tools.findChild(QToolButton, "qt_toolbar_ext_button").isVisible()
 
 
+@pytest.mark.nightly
 def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     window.resize(*WIDE)
@@ -502,6 +511,7 @@ def test_facets_are_refined_when_the_camera_rests(open_scene: Any) -> None:
     assert view.frame.surface.GetNumberOfCells() == facets
 
 
+@pytest.mark.nightly
 def test_text_about_a_picked_point_stays_when_the_camera_moves(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     view = window.view
@@ -516,6 +526,7 @@ def test_text_about_a_picked_point_stays_when_the_camera_moves(open_scene: Any) 
     wait_until(lambda: settled(window) and "facets" in window.status_text.full_text)
 
 
+@pytest.mark.nightly
 def test_view_and_exported_picture_have_the_same_fibres(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

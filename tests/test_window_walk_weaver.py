@@ -30,6 +30,7 @@ from spacemap_vtk.scenes import library  # noqa: E402
 LEFT = Qt.MouseButton.LeftButton
 
 
+@pytest.mark.nightly
 def test_weaver_corrects_a_draft(
     open_window: Any, qtbot: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,7 @@ def test_new_scene_is_drawn_and_saved(
     assert Scene.read(file).source.ends == 4
 
 
+@pytest.mark.nightly
 def test_save_as_keeps_every_comment_and_value(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

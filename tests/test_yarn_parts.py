@@ -49,12 +49,16 @@ def force_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     ("show", "sections"),
     [
         ("fabric", {}),
-        ("both", {"view": {"loads": True}}),
+        pytest.param("both", {"view": {"loads": True}}, marks=pytest.mark.nightly),
         pytest.param("fabric", {"view": {"color": "displacement"}}, marks=pytest.mark.nightly),
-        ("fabric", {"view": {"clip_normal": [1.0, 0.0, 0.0]}}),
-        ("fabric", {"view": {"color": "clearance"}}),
+        pytest.param(
+            "fabric", {"view": {"clip_normal": [1.0, 0.0, 0.0]}}, marks=pytest.mark.nightly
+        ),
+        pytest.param("fabric", {"view": {"color": "clearance"}}, marks=pytest.mark.nightly),
         pytest.param("fabric", {"yarns": {}}, marks=pytest.mark.nightly),
-        ("fabric", {"yarns": {}, "view": {"color": "crimp"}}),
+        pytest.param(
+            "fabric", {"yarns": {}, "view": {"color": "crimp"}}, marks=pytest.mark.nightly
+        ),
         pytest.param(
             "fabric",
             {"yarns": {"modulus": "300 cN/tex", "inextensible": False}, "view": TENSION},
@@ -107,7 +111,7 @@ def test_crossings_of_pieces_agree_with_the_whole(monkeypatch: pytest.MonkeyPatc
         assert np.isin(found[own == yarn], crimp[yarns == yarn]).all()
 
 
-@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("moves", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_clearances_of_tiles_agree_with_the_whole(moves: bool) -> None:
     weave = {"ends": 15, "picks": 13, "pattern": "twill 2/1", "weft_diameter": [2.5e-4, 2e-4]}
     scene = Scene(

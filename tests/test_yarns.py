@@ -76,7 +76,7 @@ def touches_and_never_overlaps(cloth: Cloth) -> None:
     assert abs(found.distance) <= (made.radial_error + 1e-12) * size
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(woven())
 def test_any_cloth_touches_and_never_overlaps(cloth: Cloth) -> None:
     touches_and_never_overlaps(cloth)
