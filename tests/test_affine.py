@@ -48,7 +48,7 @@ def test_slivers(thin):
 
 
 @pytest.mark.parametrize("outside", ["extrapolate", "clamp"])
-@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.nightly), 3])
 def test_the_map_equals_the_sum_over_the_weights(outside, threads):
     vertices, tetrahedra = build_lattice(UNIT, (3, 3, 3))
     points = cloud(30_000, 2)

@@ -350,7 +350,7 @@ def test_auto_removes_a_value_of_the_scene(
     assert height('[weave]\nwarp_crimp_height = "auto"\ndraft = "auto"\n') == found
 
 
-@pytest.mark.parametrize("ending", [".stl", ".ply"])
+@pytest.mark.parametrize("ending", [".stl", pytest.param(".ply", marks=pytest.mark.nightly)])
 def test_a_missing_package_is_reported_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:

@@ -288,7 +288,14 @@ Units=centimeters
 
 @pytest.mark.parametrize(
     "threads",
-    ["", "Spacing=0.1", "Spacing=0.1\nThickness=0.1", "Thickness=0.1", "Comment=x"],
+    [
+        "",
+        "Spacing=0.1\nThickness=0.1",
+        *(
+            pytest.param(each, marks=pytest.mark.nightly)
+            for each in ("Spacing=0.1", "Thickness=0.1", "Comment=x")
+        ),
+    ],
 )
 def test_a_picture_of_a_feasible_draft_has_no_warning(
     threads: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -308,6 +308,7 @@ def test_a_failed_print_is_reported_once() -> None:
     assert done.stderr == ("spacemap: the output could not be printed: no space left on device\n")
 
 
+@pytest.mark.nightly
 def test_closed_streams_do_not_spoil_the_output_file(tmp_path: Path) -> None:
     # A file takes the number of a closed stream, and a library prints into it.
     file = tmp_path / "a.csv"
@@ -318,6 +319,7 @@ def test_closed_streams_do_not_spoil_the_output_file(tmp_path: Path) -> None:
     assert file.read_text().count("\n") > 9
 
 
+@pytest.mark.nightly
 def test_unencodable_characters_are_printed_as_question_marks() -> None:
     command = [sys.executable, "-m", "spacemap_vtk", "keys", "weave"]
     few = {**os.environ, "PYTHONIOENCODING": "ascii"}

@@ -125,7 +125,14 @@ def test_another_colouring_runs_only_the_last_stages() -> None:
     assert changed == {"warp", "surface"}
 
 
-@pytest.mark.parametrize("color", ["family", "velocity", "stress", "clearance"])
+@pytest.mark.parametrize(
+    "color",
+    [
+        "family",
+        "clearance",
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in ("velocity", "stress")),
+    ],
+)
 def test_each_colouring_is_drawn_by_the_command_line(tmp_path: Path, color: str) -> None:
     pictures = []
     for name in ("own", color):

@@ -174,6 +174,7 @@ def test_a_file_is_checked_again_only_after_a_change(
     assert [task[1] for task in asked] == [file, file]
 
 
+@pytest.mark.nightly
 def test_a_file_is_checked_again_if_a_referenced_file_changed(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

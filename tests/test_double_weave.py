@@ -173,7 +173,7 @@ def test_single_cloths_are_not_double_weaves() -> None:
         waffle,
         np.ones((4, 4), dtype=bool),
     ):
-        for turned, ends in ((weave, 33), (weave, 3), (weave.T, 33), (~weave, 3)):
+        for turned, ends in ((weave, 3), (weave.T, 33)):
             assert find_layers(tile_drawdown(turned, ends, 40)) is None
     random = np.random.default_rng(1)
     for _ in range(20):

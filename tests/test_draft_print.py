@@ -240,6 +240,7 @@ def test_a_document_has_the_pages_that_it_counts_and_text_that_can_be_read(
     assert again.read_bytes() == file.read_bytes()
 
 
+@pytest.mark.nightly
 def test_a_single_page_repeats_itself(tmp_path: Path) -> None:
     source = write(block_draft(90, 70), tmp_path)
     assert run("print", source, "-o", tmp_path / "p%d.png", "--pages", "2-3", "-q") == 0

@@ -91,6 +91,7 @@ def test_pictures_share_camera_and_scale_and_are_transparent(tmp_path: Path) -> 
     assert (panels[0][lower] != panels[1][lower]).mean() > 0.2
 
 
+@pytest.mark.nightly
 def test_pictures_of_an_incomplete_row_have_the_same_size(tmp_path: Path) -> None:
     file = tmp_path / "swing.svg"
     more = ("--times=0,10ms,20ms", "--columns=2", "--dpi=30", "--set=view.show=fabric")

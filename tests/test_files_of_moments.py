@@ -35,7 +35,7 @@ def areas(mesh: pv.PolyData, of: np.ndarray) -> list[float]:
     return [float(sizes[of == kind].sum()) for kind in range(2)]
 
 
-@pytest.mark.parametrize("color", ["own", "family"])
+@pytest.mark.parametrize("color", ["own", pytest.param("family", marks=pytest.mark.nightly)])
 def test_obj_and_ply_have_normals_groups_and_colours(tmp_path: Path, color: str) -> None:
     surface = exported(tmp_path / "cloth.obj", color).triangulate()
     exported(tmp_path / "cloth.ply", color)

@@ -73,6 +73,7 @@ def ordered(scene: Scene, size: tuple[int, int] | None, folder: Path) -> np.ndar
     return np.asarray(Image.open(file)).astype(int)
 
 
+@pytest.mark.nightly
 def test_narrow_draft_is_drawn_once_and_completely(narrow: Path, tmp_path: Path) -> None:
     prepare_offscreen()  # without OpenGL there is a warning about that
     scene = red_and_blue(narrow)

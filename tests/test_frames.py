@@ -62,7 +62,7 @@ def folder_contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@pytest.mark.parametrize("name", ["a%d.png", "a.gif"])
+@pytest.mark.parametrize("name", [pytest.param("a%d.png", marks=pytest.mark.nightly), "a.gif"])
 def test_a_stopped_film_continues_from_its_frames(
     name: str, tmp_path: Path, drawn_times: list[float]
 ) -> None:

@@ -139,6 +139,7 @@ def tight_group() -> Iterator[Path]:
     pytest.skip("no control group can be made here")
 
 
+@pytest.mark.nightly
 def test_picture_too_large_for_its_container_is_refused(tight_group: Path, tmp_path: Path) -> None:
     if psutil.virtual_memory().available < GIB:
         pytest.skip("the machine itself has less")

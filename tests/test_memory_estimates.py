@@ -44,6 +44,7 @@ print(json.dumps([picture.level.method.value, picture.level.bytes, peak]))
 CLEARANCE = {"color": "clearance"}
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
 @pytest.mark.parametrize(
     ("form", "yarns", "subdivisions", "times", "view"),

@@ -128,7 +128,10 @@ def check_against_integration(half, drives, times=TIMES, start=None, **options):
         np.testing.assert_allclose(balance, load, atol=1e-9)
 
 
-@pytest.mark.parametrize("damping", DAMPED)
+@pytest.mark.parametrize(
+    "damping",
+    [pytest.param(each, marks=[pytest.mark.nightly] * (each != "mixed")) for each in DAMPING],
+)
 @pytest.mark.parametrize("function", FUNCTIONS)
 def test_response_to_one_force_equals_numerical_integration(function, damping):
     check_against_integration(DAMPING[damping], [ModalLoad(GAIN, FUNCTIONS[function])])

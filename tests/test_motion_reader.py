@@ -225,7 +225,10 @@ def test_changing_topology_is_refused(tmp_path: Path) -> None:
     stage.update(0.25)
 
 
-@pytest.mark.parametrize("kind", MAKERS)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(each, marks=[pytest.mark.nightly] * (each == "vtkhdf")) for each in MAKERS],
+)
 def test_truncated_files_are_refused(tmp_path: Path, kind: str) -> None:
     file = MAKERS[kind](tmp_path)
     victim = tmp_path / {

@@ -70,7 +70,7 @@ def test_pieces_have_equal_work(pattern: str, pieces: int) -> None:
 
 
 @pytest.mark.parametrize("pieces", [2, pytest.param(3, marks=pytest.mark.nightly), 11])
-@pytest.mark.parametrize("spline", [False, True])
+@pytest.mark.parametrize("spline", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_one_process_can_make_all_pieces_in_turn(pieces: int, spline: bool) -> None:
     case = {"source": {"ends": 4, "picks": 3, "axis": "spline" if spline else "arcs"}}
     serial, stages = connected(**case), connected(**case)

@@ -58,7 +58,7 @@ unix = pytest.mark.skipif(sys.platform == "win32", reason="no process there hear
             _WAIT, [signal.SIGTERM] * 4, [143, -signal.SIGTERM], marks=pytest.mark.nightly
         ),
         pytest.param(_WAIT, [signal.SIGINT], [-signal.SIGINT], marks=pytest.mark.nightly),
-        (_IN_VTK, [], [143]),
+        pytest.param(_IN_VTK, [], [143], marks=pytest.mark.nightly),
         (_FAILS, [], [1]),
     ],
     ids=[*(number.name for number in END_SIGNALS), "impatient", "SIGINT", "in VTK", "error"],

@@ -162,6 +162,7 @@ def rounds(count: int, first: int, folder: Path) -> Counter[str]:
     return counts
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::spacemap_vtk.errors.SpacemapWarning")
 def test_threads_survive_some_rounds(tmp_path: Path) -> None:
     assert rounds(3, 1, tmp_path)["own"] == 9 * THREADS

@@ -108,7 +108,7 @@ LOADS: list[tuple[str, Any, Any, Any]] = [
 
 
 #: Loads whose time functions are those of others in the list.
-ALIKE = 2, 3, 5
+ALIKE = 2, 3, 4, 5
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ FILES = [
     ("name", "shares"),
     [
         *((name, SHARES) for name in FILES),
-        *((name, (0.97,)) for name in SLOW),
+        ("bin.vtu", (0.97,)),
         *(pytest.param(name, SHARES, marks=pytest.mark.nightly) for name in SLOW),
     ],
 )

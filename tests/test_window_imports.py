@@ -110,9 +110,11 @@ def free_display() -> str:
     [
         {},
         {"DISPLAY": free_display()},
-        {"DISPLAY": "no name of a display"},
-        {"WAYLAND_DISPLAY": "wayland-77"},
-        {"DISPLAY": free_display(), "WAYLAND_DISPLAY": "wayland-77"},
+        pytest.param({"DISPLAY": "no name of a display"}, marks=pytest.mark.nightly),
+        pytest.param({"WAYLAND_DISPLAY": "wayland-77"}, marks=pytest.mark.nightly),
+        pytest.param(
+            {"DISPLAY": free_display(), "WAYLAND_DISPLAY": "wayland-77"}, marks=pytest.mark.nightly
+        ),
     ],
 )
 def test_missing_display_is_reported(given: dict[str, str]) -> None:

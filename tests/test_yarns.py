@@ -240,7 +240,14 @@ def test_two_straight_yarns() -> None:
     assert found.distance == pytest.approx(apart - 0.125 - 0.15 * abs(normal[2]), rel=1e-3)
 
 
-@pytest.mark.parametrize("kind", ["unequal", "kemp", "spline", "exact"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "unequal",
+        "kemp",
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in ("spline", "exact")),
+    ],
+)
 def test_shape_does_not_depend_on_the_unit(kind: str) -> None:
     cloth = {
         "unequal": UNEQUAL,
