@@ -203,6 +203,7 @@ def test_export_dialog_applies_presets_and_remembers_the_size(
         assert np.abs(both[0] - both[1])[cover == 255].mean() < 15.0
 
 
+@pytest.mark.nightly
 def test_data_lost_by_a_format_are_reported(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene("twill_2_2")
     done = record_written(window)

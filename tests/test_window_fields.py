@@ -52,6 +52,7 @@ def test_vector_component_can_be_dragged(open_scene: Any) -> None:
     assert [c.line.text() for c in gravity.components] == [f"{v:.6g}" for v in after]
 
 
+@pytest.mark.nightly
 def test_vector_component_accepts_a_unit_and_refuses_a_word(open_scene: Any) -> None:
     window = open_scene()
     gravity = editor(window, "response", "gravity")

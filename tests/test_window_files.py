@@ -387,6 +387,7 @@ def test_dropped_file_opens_and_an_invalid_one_is_reported(open_scene: Any, tmp_
     assert window.errors.text == ""
 
 
+@pytest.mark.nightly
 def test_copied_command_and_script_run(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.document.set("weave", "ends", 5)

@@ -240,6 +240,7 @@ def test_slow_scene_shows_its_thumbnail_until_it_is_drawn(
     go.set()
 
 
+@pytest.mark.nightly
 def test_scene_of_the_user_has_no_preview(open_window: Any, tmp_path: Path) -> None:
     file = tmp_path / "tartan.toml"
     file.write_text("[weave]\nends = 4\npicks = 4\n")

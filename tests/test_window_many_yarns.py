@@ -47,6 +47,7 @@ def opened(open_window: Any, tmp_path: Path) -> Any:
     return show
 
 
+@pytest.mark.nightly
 def test_cloth_with_three_hundred_yarns_follows_the_time(opened: Any) -> None:
     window = opened(300)
     frame = window.view.frame

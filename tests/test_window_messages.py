@@ -120,6 +120,7 @@ def test_failure_of_an_older_run_does_not_end_a_mode_just_clicked(open_scene: An
     assert window.modes.mode == 1
 
 
+@pytest.mark.nightly
 def test_failing_mode_animation_ends(open_scene: Any) -> None:
     window = open_scene()
     window.modes.table.cellClicked.emit(1, 0)

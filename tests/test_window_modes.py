@@ -175,6 +175,7 @@ def test_table_of_modes_fills_its_width(open_scene: Any) -> None:
         assert table.horizontalHeader().length() == table.viewport().width()
 
 
+@pytest.mark.nightly
 def test_modes_tab_explains_how_to_add_modes(open_scene: Any) -> None:
     window = open_scene("handweaving")
     assert window.modes.table.rowCount() == 0

@@ -92,6 +92,7 @@ def test_the_plan_follows_fields_units_and_scene(open_scene: Any) -> None:
     assert "without a unit" in plan.hint.text()
 
 
+@pytest.mark.nightly
 def test_the_tab_is_absent_for_what_is_not_woven(open_scene: Any) -> None:
     window = open_scene("plain_weave")
     place = window.tabs.indexOf(window.plan)

@@ -113,6 +113,7 @@ def test_drag_on_the_map_stretches_the_cloth(open_scene: Any) -> None:
     assert "N/m" in window.pull.state_text.text()
 
 
+@pytest.mark.nightly
 def test_map_follows_a_changed_cloth_and_keeps_the_stretch(open_scene: Any) -> None:
     window = open_scene()
     pad = show_map(window, **ELASTIC)

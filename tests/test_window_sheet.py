@@ -76,6 +76,13 @@ def test_properties_show_the_figures_of_the_sheet(open_scene: Any, strip: Path) 
     headings = window.properties.groups
     assert list(headings) == ["Sheet", "Hung"]
     assert all(heading.isVisibleTo(window) for heading in headings.values())
+
+
+@pytest.mark.nightly
+def test_properties_of_what_is_no_sheet_are_hidden(open_scene: Any, strip: Path) -> None:
+    window = open_scene(str(strip))
+    window.stages.select("modal")
+    headings = window.properties.groups
     # With two layers it is not a sheet: parameters of sheets are hidden unless they are written.
     window.document.set("cage", "divisions", [8, 2, 2])
     wait_until(lambda: settled(window) and "tetrahedra" in notes_of(window)["elements"])

@@ -310,6 +310,7 @@ def test_screen_follows_rotating_and_zooming(open_scene: Any) -> None:
     wait_until(lambda: np.abs(screenshot(window) - pictures[-1]).max() > 30, 10.0)
 
 
+@pytest.mark.nightly
 def test_objects_at_rest_have_the_shadows_of_exported_pictures(open_scene: Any) -> None:
     window = open_scene("tube_bundle")
     view = window.view
