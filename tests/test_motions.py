@@ -72,7 +72,7 @@ def test_storyboard_has_a_row_for_each_motion(tmp_path: Path) -> None:
     file = tmp_path / "board.png"
     board = ["storyboard", "swing", "--times", "0,0.3,1", "--size", "300x240", "-q"]
     board += ["-o", str(file)]
-    for value in ("transient.tolerance=0.1", "cage.divisions=[10,2,1]"):
+    for value in ("transient.tolerance=0.1", "cage.divisions=[6,1,1]"):
         board += ["--set", value]
     assert run(*board, "--motions", "response,rotation,transient") == 0
     pixels = np.asarray(Image.open(file)).astype(int)

@@ -233,7 +233,9 @@ LATER = {"film", "cloth_over_ranks"}
 @pytest.mark.parametrize("film", [False, pytest.param(True, marks=pytest.mark.nightly)])
 def test_pipeline_scripts_in_one_batch(film: bool, tmp_path: Path) -> None:
     names = {"film"} if film else {script.stem for script in PIPELINES.glob("*.py")} - LATER
-    files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in sorted(names)}
+    # The first one, which fills its picture best, sets the shape of the view.
+    first = sorted(names, key=lambda name: name != "plain_weave")
+    files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in first}
     words = [f"{script}={file}.png" for script, file in files.items()]
     run(SCRIPTS / "session.py", tmp_path / "reported.json", *words, program="pvbatch")
     for script, text in json.loads((tmp_path / "reported.json").read_text()).items():

@@ -149,7 +149,7 @@ def test_energies_are_plotted_for_a_motion_in_time_steps(
     scene.write_text(
         "weave = { ends = 3, picks = 5 }\ncage = { divisions = [1, 3, 1] }\n"
         'modal = { elements = "sheet", youngs_modulus = "20 kPa", fixed = "+y" }\n'
-        'transient = { duration = "20 ms" }\n'
+        'transient = { duration = "5 ms" }\n'
     )
     assert run("plot", str(scene), "-o", str(file)) == 0
     assert "has a frequency response" in capsys.readouterr().err

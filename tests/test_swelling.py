@@ -82,13 +82,13 @@ def gaps_at_crossings(cloth: Cloth, sides: int) -> list[float]:
 
 @pytest.mark.parametrize(
     ("weave", "unequal"),
-    # In the gate a plain weave of like yarns, and any weave of unequal ones.
+    # In the gate a satin of like yarns, and any weave of unequal ones.
     [
         pytest.param(
             weave,
             unequal,
             marks=[pytest.mark.nightly]
-            * ((weave, unequal) not in {("plain", False), ("random", True)}),
+            * ((weave, unequal) not in {("satin", False), ("random", True)}),
         )
         for weave in WEAVES
         for unequal in (False, True)
