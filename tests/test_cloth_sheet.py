@@ -145,6 +145,7 @@ def test_a_sheet_has_the_mean_clearances_of_its_yarns(moves: bool) -> None:
     assert abs(float((top - there).mean())) < 0.005 * np.ptp(numbers)
 
 
+@pytest.mark.nightly
 def test_a_sheet_shows_the_values_of_each_crossing(monkeypatch: pytest.MonkeyPatch) -> None:
     # A satin of ends that hardly bend: they lie on top, of picks with all the crimp.
     sizes = {"ends": 16, "picks": 16, "warp_diameter": 2.2e-4, "weft_diameter": 2.4e-4}
@@ -220,6 +221,7 @@ def test_clearances_on_few_facets_cause_a_warning() -> None:
     assert "approximate" not in "".join(many.scene.warnings)
 
 
+@pytest.mark.nightly
 def test_a_cloth_larger_than_the_memory_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     weave = {"ends": 300, "picks": 300}
     monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 300_000_000)

@@ -22,6 +22,8 @@ _HEAVY = (
     "vtkmodules.vtkRenderingCore",
     "pyvista",
     "matplotlib",
+    "PySide6",
+    "tomlkit",
 )
 _KERNELS = {"numpy"}
 _FILTERS = {*_KERNELS, "vtkmodules.vtkCommonExecutionModel"}
@@ -96,7 +98,11 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ],
             _FILTERS,
         ),
-        (["plot small.toml -q -o a.png"], {*_FILTERS, "matplotlib"}),
+        pytest.param(
+            ["plot small.toml -q -o a.png"],
+            {*_FILTERS, "matplotlib"},
+            marks=pytest.mark.nightly,
+        ),
     ],
 )
 def test_with_cached_modes_a_command_imports_only_what_it_needs(

@@ -61,6 +61,7 @@ def test_a_library_that_exits_is_reported(tmp_path: Path) -> None:
         read_object(file)
 
 
+@pytest.mark.nightly
 def test_a_mesh_with_uninitialised_points_is_refused(tmp_path: Path) -> None:
     # VTK reads uninitialised memory, which makes a mesh or crashes, depending on its content.
     faces = "1 2 3 1e-320 0\n1 2 4 1  4 3 3)(\n1 2 3 1 0\n1 2 4 1 0\n1 3 4 1 0\n2 3 4 1 0\n"
@@ -83,6 +84,7 @@ def test_a_path_that_is_not_utf_8_is_refused(
         read(file)
 
 
+@pytest.mark.nightly
 def test_offsets_outside_the_connectivity_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.vtk"
     file.write_bytes(VTK.replace(b"3.0", b"5.1") + b"POLYGONS 3 2\n" + OFFSETS)

@@ -46,7 +46,11 @@ def blocks(kind: str, text: str = TEXT) -> list[str]:
 COMMANDS = [line for block in blocks("sh", TEXT + PLANS) for line in block.splitlines()]
 
 
-@pytest.mark.parametrize("line", COMMANDS)
+@pytest.mark.parametrize(
+    "line",
+    # That cloth is laid down in test_scenes.py.
+    [pytest.param(each, marks=[pytest.mark.nightly] * (" overhang" in each)) for each in COMMANDS],
+)
 def test_commands_of_the_documentation_run(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,6 +98,7 @@ def test_narrow_draft_is_drawn_once_and_completely(narrow: Path, tmp_path: Path)
     assert scene.woven.cloth.size == (24, 62)
 
 
+@pytest.mark.nightly
 def test_default_picture_has_the_proportions_of_the_draft(narrow: Path, tmp_path: Path) -> None:
     assert picture_size(Scene.read(REAL)) == (1280, 1280)
     assert picture_size(red_and_blue(REAL, "weave.picks=45")) == (1280, round(1280 * 45 / 62))

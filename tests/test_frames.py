@@ -81,6 +81,7 @@ def test_a_stopped_film_continues_from_its_frames(
     assert folder_contents(parts) == folder_contents(whole)
 
 
+@pytest.mark.nightly
 def test_frames_of_another_film_are_never_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

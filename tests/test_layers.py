@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import ast
 import gc
+import re
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -256,3 +258,47 @@ def test_what_is_listed_is_there():
 def test_a_circle_is_seen():
     graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}, "e": set()}
     assert circles(graph) == ["a <-> b <-> c"]
+
+
+#: Packages whose module has another name.
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "PySide6": "PySide6_Essentials",
+    "imageio_ffmpeg": "imageio-ffmpeg",
+    "pxr": "usd-core",
+    "trame_client": "trame-client",
+    "vtkmodules": "vtk",
+}
+#: Imported packages that setup.cfg cannot or need not name.
+UNDECLARED = {
+    "llvmlite": "numba brings the version of it that it needs",
+    "paraview": "ParaView's own Python has it",
+    "pypardiso": "a solver that is used where a user has installed it",
+    "shiboken6": "PySide6 brings the version of it that it needs",
+    "sksparse": "a solver that is used where a user has installed it",
+}
+
+
+def imported_packages() -> set[str]:
+    """Return the packages that the program imports, by statement or by name."""
+    found = set()
+    for tree in modules().values():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                found |= {each.name for each in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                found.add(node.module or "")
+            elif isinstance(node, ast.Call) and node.args:
+                by_name = getattr(node.func, "id", "") in ("import_module", "find_spec")
+                name = getattr(node.args[0], "value", "")
+                found.add(name if by_name and isinstance(name, str) else "")
+    names = {name.partition(".")[0] for name in found}
+    return names - set(sys.stdlib_module_names) - {"spacemap_vtk", ""}
+
+
+def test_imported_packages_are_declared() -> None:
+    text = (PACKAGE.parent / "setup.cfg").read_text("utf-8")
+    declared = set(re.findall(r"^    ([\w-]+)(?:\[\w+\])? >= ", text, re.M))
+    imported = imported_packages()
+    assert {DISTRIBUTIONS.get(name, name) for name in imported - UNDECLARED.keys()} <= declared
+    assert imported >= UNDECLARED.keys()

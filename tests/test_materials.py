@@ -292,6 +292,7 @@ def test_equivalent_ratio_is_poissons_ratio_for_isotropic_solids():
     assert pressure.sum() < 0.1 / 1e6
 
 
+@pytest.mark.nightly
 def test_nearly_incompressible_orthotropic_cage_causes_a_warning():
     weave, cage = WeaveSource(), TetraCage(divisions=(15, 15, 3))
     cage.SetInputConnection(weave.GetOutputPort())

@@ -147,6 +147,7 @@ def test_the_ground_is_dark_under_the_cloth_and_does_not_move_the_camera() -> No
     )
 
 
+@pytest.mark.nightly
 def test_each_shape_has_a_surface_at_its_place(tmp_path: Path) -> None:
     pv.Sphere(radius=0.002, theta_resolution=20, phi_resolution=20).save(tmp_path / "ball.stl")
     center = [0.001, 0.002, -0.02]

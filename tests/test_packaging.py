@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib.metadata
 import os
 import re
@@ -101,50 +100,6 @@ def test_the_version_has_one_source_and_metadata_is_complete() -> None:
     assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text("utf-8")
     for file in ("setup.cfg", "pyproject.toml", "CITATION.cff"):
         assert not re.search(rf"(?<![\d.]){re.escape(version)}(?![\d.])", (ROOT / file).read_text())
-
-
-#: Packages whose module has another name.
-_DISTRIBUTIONS = {
-    "PIL": "pillow",
-    "PySide6": "PySide6_Essentials",
-    "imageio_ffmpeg": "imageio-ffmpeg",
-    "pxr": "usd-core",
-    "trame_client": "trame-client",
-    "vtkmodules": "vtk",
-}
-#: Imported packages that setup.cfg cannot or need not name.
-_UNDECLARED = {
-    "llvmlite": "numba brings the version of it that it needs",
-    "paraview": "ParaView's own Python has it",
-    "pypardiso": "a solver that is used where a user has installed it",
-    "shiboken6": "PySide6 brings the version of it that it needs",
-    "sksparse": "a solver that is used where a user has installed it",
-}
-
-
-def _imported() -> set[str]:
-    """Return the packages that the program imports, by statement or by name."""
-    found = set()
-    for file in (ROOT / "spacemap_vtk").rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            if isinstance(node, ast.Import):
-                found |= {each.name for each in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                found.add(node.module or "")
-            elif isinstance(node, ast.Call) and node.args:
-                by_name = getattr(node.func, "id", "") in ("import_module", "find_spec")
-                name = getattr(node.args[0], "value", "")
-                found.add(name if by_name and isinstance(name, str) else "")
-    names = {name.partition(".")[0] for name in found}
-    return names - set(sys.stdlib_module_names) - {"spacemap_vtk", ""}
-
-
-def test_imported_packages_are_declared() -> None:
-    text = (ROOT / "setup.cfg").read_text("utf-8")
-    declared = set(re.findall(r"^    ([\w-]+)(?:\[\w+\])? >= ", text, re.M))
-    imported = _imported()
-    assert {_DISTRIBUTIONS.get(name, name) for name in imported - _UNDECLARED.keys()} <= declared
-    assert imported >= _UNDECLARED.keys()
 
 
 def test_the_citation_names_existing_files_and_the_author() -> None:

@@ -291,6 +291,7 @@ def test_calling_a_stage_with_data_keeps_its_connections() -> None:
 # --- what is right -----------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 def test_cage_of_the_published_experiment() -> None:
     weave, cage = WeaveSource(ends=7, picks=7), TetraCage(divisions=(5, 5, 1))
     cage.SetInputConnection(weave.GetOutputPort())

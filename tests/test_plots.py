@@ -63,6 +63,7 @@ def test_damping_of_each_mode_follows_the_scene(
     assert "mine.toml: response.damping_ratio = 0.1" in capsys.readouterr().err
 
 
+@pytest.mark.nightly
 def test_a_sheet_shows_each_mode_shape(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "sheet.png"
     assert run("modes", "plain_weave", "-q", *FEW, "--plot", str(file)) == 0

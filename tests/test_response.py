@@ -421,9 +421,8 @@ def sheet(length: float, divisions: tuple[int, int, int]) -> vtkTrivialProducer:
     return producer
 
 
-@pytest.mark.parametrize(
-    ("length", "few"), [pytest.param(0.125, False, marks=pytest.mark.nightly), (0.8, True)]
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize(("length", "few"), [(0.125, False), (0.8, True)])
 def test_very_thin_cage_reports_its_correct_digits(length: float, few: bool) -> None:
     producer = sheet(length, (5, 5, 1))
     for _ in range(2):  # solved, and read from the cache

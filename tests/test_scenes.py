@@ -286,6 +286,7 @@ LONG = {
     "catenary",
     "curtain",
     "curtain_on_rod",
+    "double_weave",
     "let_go",
     "lever_in_tetwild_cage",
     "squall",

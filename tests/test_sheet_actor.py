@@ -101,7 +101,7 @@ DRAFTS = {
 @pytest.mark.parametrize(
     "name",
     [
-        "pattern weft",
+        pytest.param("pattern weft", marks=pytest.mark.nightly),
         pytest.param("double weave", marks=pytest.mark.nightly),
         pytest.param("satin", marks=pytest.mark.nightly),
         pytest.param("overshot", marks=pytest.mark.nightly),

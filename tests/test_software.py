@@ -60,7 +60,7 @@ def picture(scene: Scene, time: float = 0.02) -> np.ndarray:
 
 
 #: Views whose parts others show too.
-SIMILAR = {"a cage", "near", "families", "tinted"}
+SIMILAR = {"a cage", "numbers", "near", "families", "tinted"}
 
 
 @pytest.mark.parametrize(
@@ -111,6 +111,7 @@ def test_a_textured_object_agrees_with_opengl(
     assert np.abs(picture(scene) - expected).mean() < 0.5
 
 
+@pytest.mark.nightly
 def test_mode_shapes_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     prepare_offscreen()
     scene = Scene({**SWING, "modal": {"modes": 1}})

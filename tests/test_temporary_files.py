@@ -59,7 +59,7 @@ unix = pytest.mark.skipif(sys.platform == "win32", reason="no process there hear
         ),
         pytest.param(_WAIT, [signal.SIGINT], [-signal.SIGINT], marks=pytest.mark.nightly),
         pytest.param(_IN_VTK, [], [143], marks=pytest.mark.nightly),
-        (_FAILS, [], [1]),
+        pytest.param(_FAILS, [], [1], marks=pytest.mark.nightly),
     ],
     ids=[*(number.name for number in END_SIGNALS), "impatient", "SIGINT", "in VTK", "error"],
 )

@@ -14,19 +14,6 @@ from spacemap_vtk.app import requirements
 from spacemap_vtk.cli.main import main
 
 
-def test_other_commands_import_no_qt() -> None:
-    code = (
-        "import sys\n"
-        "from spacemap_vtk.cli.main import main\n"
-        "try: main(['info', 'plain_weave', '--json'])\n"
-        "except SystemExit: pass\n"
-        "print([m for m in sys.modules if m.split('.')[0] in"
-        " ('PySide6', 'tomlkit', 'matplotlib')], file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stderr.splitlines()[-1] == "[]"
-
-
 def test_window_imports_neither_plotter_nor_solver() -> None:
     require_display()
     code = (
