@@ -203,7 +203,14 @@ def test_free_bar_converges_with_order_two():
 
 
 @pytest.mark.parametrize(
-    ("cells", "first"), [(1, 13.277), (2, 9.803), (3, 8.879), (4, 8.533), (6, 8.272)]
+    ("cells", "first"),
+    [
+        (1, 13.277),
+        (2, 9.803),
+        (3, 8.879),
+        (4, 8.533),
+        pytest.param(6, 8.272, marks=pytest.mark.nightly),
+    ],
 )
 def test_cantilever_frequency_converges_to_beam_theory(cells, first):
     K, M, free, points = problem(

@@ -30,10 +30,10 @@ from spacemap_vtk.mechanics.response.oscillator import (
 
 RATIOS = (0.0, 0.02, 1 - 1e-9, 1.0, 1 + 1e-9, 5.0, 1e3)
 EIGENVALUES = (
-    *(1e-20, 7.3, 1e8),
+    *(1e-20, 1e8),
     *(
         pytest.param(value, marks=pytest.mark.nightly)
-        for value in (1e-12, 1e-6, 1e-2, 1.0, 1e2, 1e4, 1e6)
+        for value in (1e-12, 1e-6, 1e-2, 1.0, 7.3, 1e2, 1e4, 1e6)
     ),
 )
 PERIODS = (1e-6, 1e-3, 0.07, 0.09, 0.3, 1.0, 10.25, 100.0)

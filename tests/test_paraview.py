@@ -71,22 +71,28 @@ def hang(file: Path) -> None:
     np.savez(file, **{k: vtk_to_numpy(data.GetArray(k)) for k, data in found.items()})
 
 
+def run_in_one_session(scripts: dict[str, tuple[list[Path], str]], folder: Path) -> None:
+    """Run scripts with their arguments, each of which prints what it says."""
+    words = [f"{name}={','.join(map(str, arguments))}" for name, (arguments, _) in scripts.items()]
+    run(SCRIPTS / "session.py", folder / "reported.json", *words)
+    reported = json.loads((folder / "reported.json").read_text())
+    wrong = {
+        name: reported[name]
+        for name, (_, says) in scripts.items()
+        if says not in reported[name] or "Traceback" in reported[name] or not reported[name]
+    }
+    assert not wrong, "\n".join(f"{name}: {text}" for name, text in wrong.items())
+
+
 def test_scripts_in_one_session(tmp_path: Path) -> None:
     """The scripts share one session, because starting ParaView takes longer than each of them."""
     proxies = len(FILTERS) + 3  # and two readers, and what shows obstacles
     hang(tmp_path / "hung.npz")
-    cloth = {"ends": 2, "picks": 2}
-    scene = Scene({"weave": cloth, "cage": {}, "modal": {"modes": 3}, "response": {}})
-    for name in ("cloth.pvd", "cloth_%d.vtp"):
-        make_data_job(tmp_path / name, times=[0.0, 0.1 / 3]).run(scene)
-    make_data_job(tmp_path / "in_pieces.pvtp", times=[0.1 / 3], pieces=3).run(scene)
     scripts = {
         "obstacles": ([], "obstacles, shown where they are\n"),
         "hung": ([tmp_path / "hung.npz"], "hung as in Python\n"),
         "behaviour": ([], "time, demand, windows, no leaks\n"),
         "declarations": ([], f"{proxies} proxies\n"),
-        "series": ([tmp_path], "every step is offered, and any time between\n"),
-        "cuts": ([], "cut yarns keep their numbers and colours\n"),
         "mistakes": ([], "mistakes are reported and do no harm\n"),
         "state": ([tmp_path], "a state file brings back its pipeline\n"),
         "colours": ([tmp_path], "yarns in their own colours\n"),
@@ -95,15 +101,7 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     # Scripts of plain VTK, as they are: ParaView's Python has an older VTK and no PyVista.
     scripts |= {f"../../pipelines/{name}": ([], "") for name in ("with_vtk", "on_a_result")}
     scripts["../paraview_pipeline"] = [], "1 passed"
-    words = [f"{name}={','.join(map(str, arguments))}" for name, (arguments, _) in scripts.items()]
-    run(SCRIPTS / "session.py", tmp_path / "reported.json", *words)
-    reported = json.loads((tmp_path / "reported.json").read_text())
-    wrong = {
-        name: reported[name]
-        for name, (_, says) in scripts.items()
-        if says not in reported[name] or "Traceback" in reported[name] or not reported[name]
-    }
-    assert not wrong, "\n".join(f"{name}: {text}" for name, text in wrong.items())
+    run_in_one_session(scripts, tmp_path)
     pictures = [
         np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
         for name in ("shown", "again", "displacement", "map")
@@ -113,6 +111,20 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     assert np.abs(pictures[1] - pictures[0]).max() <= 1
     for picture in pictures[2:]:
         assert np.mean(np.abs(picture - pictures[0]).max(axis=2) > 30) > 0.1
+
+
+@pytest.mark.nightly
+def test_series_and_cuts_in_one_session(tmp_path: Path) -> None:
+    cloth = {"ends": 2, "picks": 2}
+    scene = Scene({"weave": cloth, "cage": {}, "modal": {"modes": 3}, "response": {}})
+    for name in ("cloth.pvd", "cloth_%d.vtp"):
+        make_data_job(tmp_path / name, times=[0.0, 0.1 / 3]).run(scene)
+    make_data_job(tmp_path / "in_pieces.pvtp", times=[0.1 / 3], pieces=3).run(scene)
+    scripts = {
+        "series": ([tmp_path], "every step is offered, and any time between\n"),
+        "cuts": ([], "cut yarns keep their numbers and colours\n"),
+    }
+    run_in_one_session(scripts, tmp_path)
 
 
 @pytest.mark.nightly
@@ -226,16 +238,17 @@ def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_pat
     in_the_yarns_colours(picture, least)
 
 
-#: Scripts that another test runs: by themselves, or with MPI.
-LATER = {"film", "cloth_over_ranks"}
+#: Scripts that the gate leaves out; and one that is run with MPI.
+SLOW = {"film", "on_a_result"}
+PARALLEL = {"cloth_over_ranks"}
 
 
-@pytest.mark.parametrize("film", [False, pytest.param(True, marks=pytest.mark.nightly)])
-def test_pipeline_scripts_in_one_batch(film: bool, tmp_path: Path) -> None:
-    names = {"film"} if film else {script.stem for script in PIPELINES.glob("*.py")} - LATER
-    # The first one, which fills its picture best, sets the shape of the view.
-    first = sorted(names, key=lambda name: name != "plain_weave")
-    files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in first}
+@pytest.mark.parametrize("slow", [False, pytest.param(True, marks=pytest.mark.nightly)])
+def test_pipeline_scripts_in_one_batch(slow: bool, tmp_path: Path) -> None:
+    names = SLOW if slow else {path.stem for path in PIPELINES.glob("*.py")} - SLOW - PARALLEL
+    # The first one sets the shape of the view: one that fills its picture.
+    ordered = sorted(names, key=lambda name: (name not in ("plain_weave", "film"), name))
+    files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in ordered}
     words = [f"{script}={file}.png" for script, file in files.items()]
     run(SCRIPTS / "session.py", tmp_path / "reported.json", *words, program="pvbatch")
     for script, text in json.loads((tmp_path / "reported.json").read_text()).items():

@@ -433,7 +433,13 @@ class Through(Stage):
         output.ShallowCopy(inputs[0])
 
 
-@pytest.mark.parametrize("asked", [{}, {"time": 0.5}, {"piece": Piece(0, 1)}])
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"time": 0.5},
+        *(pytest.param(each, marks=pytest.mark.nightly) for each in ({}, {"piece": Piece(0, 1)})),
+    ],
+)
 def test_update_keeps_the_interpreter_lock(asked: dict[str, Any]) -> None:
     # VTK's collector may need it, holding a lock of its own that a thread with Python's waits for.
     ticks, ended = [], threading.Event()

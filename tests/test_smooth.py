@@ -115,7 +115,7 @@ def jumps(mesh: tuple, kind: type, samples: int, values: np.ndarray, reach: floa
     return float(np.abs(np.diff(slope, axis=1)).max())
 
 
-@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("which", [0, pytest.param(1, marks=pytest.mark.nightly)])
 def test_slopes_are_continuous(which: int) -> None:
     """Of a smooth map what the slope changes by between samples shrinks with their distance."""
     mesh = meshes()[which]
