@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import pyvista as pv
 from hung_scenes import middle
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
 
 from spacemap_vtk.datasets.modal_model import contact_of
 from spacemap_vtk.mechanics.contact.obstacles import frame_along
@@ -82,9 +84,63 @@ def a_napkin_over_an_arm(scene: Scene) -> None:
     assert rested[:, 2].min() < -0.08  # it hangs on both sides
 
 
+def a_strip_over_a_drum(scene: Scene) -> None:
+    """Euler's rope: the angle is that of tangents from the load and from the hinge."""
+    scene.update_stage(scene.modal)
+    (contact,) = contact_of(scene.modal.output)
+    drum, load = scene.modal.obstacles[0], -sum(each.force[2] for each in scene.modal.dead_loads)
+    pull = math.hypot(contact.force[0], contact.force[2] + load)
+    flat, _ = middle(scene)
+    x, z = flat[:, 0].max() - drum.center[0], -drum.center[2] - drum.path[-1][2]
+    away = math.acos((drum.radius + half_thickness(scene)) / math.hypot(x, z))
+    angle = math.pi - math.atan2(z, x) - away
+    assert math.degrees(angle) == pytest.approx(115, abs=1)
+    assert pull / load == pytest.approx(math.exp(drum.friction * angle), rel=5e-3)
+
+
+def heavy_loop(gap: float) -> tuple[float, float, float]:
+    """Return height, largest curvature and slope of a folded elastica, in its natural lengths."""
+
+    # Of unit rigidity and weight. It lies on the ground up to its lift-off, and on a layer at the
+    # height of the gap from its landing on: at both its moment is zero.
+    def solve(reaction: float, length: float, thrust: float, **options: float) -> np.ndarray:
+        def slopes(along: float, state: np.ndarray) -> list[float]:
+            cos, sin = math.cos(state[0]), math.sin(state[0])
+            return [state[1], (reaction - along) * cos + thrust * sin, cos, sin]
+
+        found = solve_ivp(slopes, (0, length), np.zeros(4), rtol=1e-9, atol=1e-12, **options)
+        return np.asarray(found.y)
+
+    def misses(guess: np.ndarray) -> np.ndarray:
+        return solve(*guess)[[0, 1, 3], -1] - [math.pi, 0.0, gap]
+
+    found = root(misses, [3.745, 4.683, 0.0]).x
+    slope, bent, _, height = solve(*found, max_step=1e-3)
+    return height.max(), bent.max(), slope.max()
+
+
+def a_strip_on_itself(scene: Scene) -> None:
+    # The elastica without thickness, as in the scene's text, checks the solution here.
+    assert heavy_loop(0.0) == pytest.approx((0.90660, 2.53374, math.radians(212.39)), rel=1e-5)
+    flat, folded = middle(scene)
+    unit = (scene.modal.bending_rigidity / (scene.modal.areal_mass * GRAVITY)) ** (1 / 3)
+    edge = flat[:, 1] == flat[:, 1].min()
+    line = folded[edge][np.argsort(flat[edge, 0])] / unit
+    # Layers keep a bit more than the thickness, as nothing presses them together.
+    gap = line[-1, 2] - line[0, 2]
+    assert 1.0 < gap * unit / (2 * half_thickness(scene)) < 1.5
+    sides = np.diff(line, axis=0)
+    slope = np.unwrap(np.arctan2(sides[:, 2], sides[:, 0]))
+    bent = np.diff(slope) / np.linalg.norm(sides[1:], axis=1)
+    height = line[:, 2].max() - line[0, 2]
+    assert (height, bent.max(), slope.max()) == pytest.approx(heavy_loop(gap), rel=2e-3)
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "arm": a_napkin_over_an_arm,
+    "capstan": a_strip_over_a_drum,
     "curtain_on_rod": a_curtain_on_a_rod,
+    "fold": a_strip_on_itself,
     "overhang": a_strip_over_an_edge,
     "tablecloth": a_tablecloth,
 }

@@ -471,7 +471,7 @@ def test_dropped_cloth_falls_from_the_state_in_the_file(tmp_path: Path) -> None:
     state = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, points)
     state["displacement"] = np.tile(move, (len(points), 1))
     state.save(tmp_path / "state.vtu")
-    resting[1].assign("modal", "dropped_from", str(tmp_path / "state.vtu"))
+    resting[1].assign("modal", "start", str(tmp_path / "state.vtu"))
     places = []
     for scene in resting:
         scene.update_stage(scene.modal)

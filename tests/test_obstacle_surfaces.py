@@ -206,6 +206,6 @@ def test_the_report_says_that_friction_depends_on_the_path() -> None:
         disc, plane = TABLE["modal"]["obstacles"]
         scene.assign("modal", "fixed", "box(-1 mm, 1 mm, -1 mm, 1 mm, -1, 1)")
         scene.assign("modal", "obstacles", [{**disc, "friction": friction}, plane])
-        figures = {each.key: each for each in contact_figures(report_modes(scene)["contact"])}
+        figures = {each.key: each for each in contact_figures(report_modes(scene))}
         assert ("contact_path" in figures) == sticks
         assert figures["contact_1"].text == "none, nothing touches it"

@@ -266,6 +266,13 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
 #: The nightly run takes them as they come with the program.
 SHORTER = {
     "arm": ("cage.divisions=[12,12,1]", *half_the_yarns(55, 55, "5 mm")),
+    "capstan": (
+        "cage.divisions=[60,1,1]",
+        "modal.path_steps=4",
+        *half_the_yarns(127, 24, "2 mm"),
+        'weave.warp_diameter="1.14 mm"',
+        'weave.weft_diameter="1.14 mm"',
+    ),
     "cantilever_test": half_the_yarns(40, 10, "2.5 mm"),
     "catenary": ("modal.modes=30", "cage.divisions=[40,4,1]", *half_the_yarns(50, 22, "40 mm")),
     "curtain": ("cage.divisions=[16,8,1]", *half_the_yarns(40, 50, "20 mm")),
@@ -273,6 +280,7 @@ SHORTER = {
     "drape": ("cage.divisions=[16,20,1]", *half_the_yarns(40, 50, "15 mm")),
     "pennant": ("cage.divisions=[10,2,1]", *half_the_yarns(35, 10, "20 mm")),
     "squall": ("cage.divisions=[4,8,1]", *half_the_yarns(30, 40, "20 mm")),
+    "fold": ("cage.divisions=[80,1,1]", *half_the_yarns(245, 32, "1.5 mm")),
     "let_go": ("cage.divisions=[4,12,1]", *half_the_yarns(20, 20, "20 mm")),
     "tablecloth": ("cage.divisions=[20,20,1]", *half_the_yarns(75, 75, "4 mm")),
     "swing": ("cage.divisions=[10,2,1]", "transient.tolerance=0.01"),

@@ -291,7 +291,7 @@ def test_drop_lets_go_of_the_supports(open_scene: Any, tmp_path: Path) -> None:
     wait_until(lambda: settled(window))
     # It falls from the state that was shown, which is saved with the scene.
     window.document.save(tmp_path / "dropped.toml")
-    state = Scene.read(tmp_path / "dropped.toml").modal.dropped_from
+    state = Scene.read(tmp_path / "dropped.toml").modal.start
     assert state.parent == tmp_path
     assert pv.read(state)["displacement"] == pytest.approx(shown, abs=1e-12)
     assert window.errors.text == ""

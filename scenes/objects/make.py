@@ -1,5 +1,7 @@
 """Make the meshes of this folder: an animal as a scanner would see it, a lever, tubes, an arm.
 
+The last is the state in which the search of the scene `fold` begins: its cage, folded.
+
     python scenes/objects/make.py
 
 Everything is drawn by formulas here; nothing is taken from elsewhere.
@@ -12,6 +14,10 @@ from pathlib import Path
 import numpy as np
 import pyvista as pv
 from scipy import ndimage
+from scipy.integrate import OdeSolution, solve_ivp
+from scipy.optimize import root
+
+from spacemap_vtk.scenes.scene import Scene
 
 HERE = Path(__file__).parent
 
@@ -127,8 +133,43 @@ def arm() -> pv.PolyData:
     return mesh
 
 
+def folded_strip() -> pv.UnstructuredGrid:
+    """Return the cage of the scene `fold`, and the displacement that lays it on an elastica."""
+    scene = Scene.read(HERE.parent / "fold.toml")
+    scene.update_stage(scene.cage)
+    cage = pv.wrap(scene.cage.output)
+    points = cage.points - [cage.bounds[0], 0, cage.center[2]]
+    unit, gap = 0.04, 1.75e-3  # of the scene: natural length; above the reach of contact
+    front = 3.4 * unit
+
+    def loop(reaction: float, length: float) -> OdeSolution:
+        """Solve for angle, curvature, x and z along a loop; its ends pull by half of the gap."""
+
+        def slopes(along: float, state: np.ndarray) -> list[float]:
+            angle, bent = state[:2]
+            bends = (reaction - along) * np.cos(angle) - gap / unit / 2 * np.sin(angle)
+            return [bent, bends, np.cos(angle), np.sin(angle)]
+
+        return solve_ivp(slopes, (0, length), np.zeros(4), rtol=1e-9, dense_output=True).sol
+
+    def misses(guess: np.ndarray) -> np.ndarray:
+        return loop(*guess)(guess[1])[:2] - [np.pi, 0.0]
+
+    found = root(misses, [3.745, 4.683]).x
+    along = (points[:, 0] - front) / unit
+    angle, _, x, z = loop(*found)(np.clip(along, 0, found[1]))
+    x += np.minimum(along, 0) - np.maximum(along - found[1], 0)
+    above = points[:, 2]
+    place = [front + unit * x - above * np.sin(angle), points[:, 1]]
+    place = np.stack([*place, unit * z + above * np.cos(angle)], axis=1)
+    folded = pv.UnstructuredGrid(cage.cells, cage.celltypes, cage.points)
+    folded["displacement"] = place - points
+    return folded
+
+
 if __name__ == "__main__":
     animal().save(HERE / "animal.ply", texture="RGB")
     lever().save(HERE / "lever.stl")
     tubes().save(HERE / "tubes.vtp")
     arm().save(HERE / "arm.ply")
+    folded_strip().save(HERE / "folded_strip.vtu")

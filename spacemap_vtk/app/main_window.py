@@ -412,7 +412,7 @@ class MainWindow(QMainWindow):
             state = str(self.document.drafts.add_state(copy_state(frame.cage, array)))
         self.modes.stop()
         self.pull.stop()
-        written = {**self._hanging_values, "fixed": "", "dropped_from": state}
+        written = {**self._hanging_values, "fixed": "", "start": state}
         self.view.fits_change = True  # the cage may fall far
         self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
 

@@ -101,7 +101,7 @@ def modes(
     more = (
         *sheet_figures(figures),
         *equilibrium_figures(figures["hung"]),
-        *contact_figures(figures["contact"]),
+        *contact_figures(figures),
     )
     print_labelled((figure.label, figure.text) for figure in more)
     print_warnings(chosen, quiet)

@@ -39,7 +39,7 @@ GRAVITY_IN_FORCE = "equilibrium_gravity"
 _TERMS = "energy_terms"
 
 #: Name of the field array of the anchors of friction at samples of obstacles [m].
-_ANCHORS = "contact_anchors"
+ANCHORS = "contact_anchors"
 #: Name of the field array of the displacements of obstacles [m].
 _MOVES = "obstacle_displacement"
 #: Names of the field arrays that report on each obstacle: force on it [N], number of samples that
@@ -108,10 +108,10 @@ def add_terms(
     anchors: Floats | None = None,
 ) -> None:
     """Write the recipes of energy terms as JSON, and the anchors of friction."""
-    for name in (_TERMS, _ANCHORS):
+    for name in (_TERMS, ANCHORS):
         grid.GetFieldData().RemoveArray(name)
     if anchors is not None and len(anchors):
-        add_array(grid.GetFieldData(), _ANCHORS, anchors)
+        add_array(grid.GetFieldData(), ANCHORS, anchors)
     if recipes:
         array = vtkStringArray()
         array.SetName(_TERMS)
@@ -127,10 +127,10 @@ def terms_of(grid: vtkUnstructuredGrid) -> list[EnergyTerm]:
     points, cells = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
     terms = [make_term(json.loads(array.GetValue(k)), points, cells) for k in range(count)]
     moved = grid.GetPointData().GetArray("equilibrium")
-    if moved is None or grid.GetFieldData().GetArray(_ANCHORS) is None:
+    if moved is None or grid.GetFieldData().GetArray(ANCHORS) is None:
         return terms
     positions = points + array_of(grid.GetPointData(), "equilibrium", _OWNER)
-    return rested_terms(terms, positions, array_of(grid.GetFieldData(), _ANCHORS, _OWNER))
+    return rested_terms(terms, positions, array_of(grid.GetFieldData(), ANCHORS, _OWNER))
 
 
 def bodies_of(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:

@@ -45,7 +45,7 @@ def digest_of(name: str) -> str:
     digest = hashlib.sha256(json.dumps(tables, sort_keys=True).encode())
     records = [table for table in tables.values() if isinstance(table, dict)]
     for table in [*records, *tables.get("modal", {}).get("obstacles", [])]:
-        for key in ("draft", "file"):
+        for key in ("draft", "file", "start"):
             if key in table:
                 digest.update((path.parent / table[key]).read_bytes())
     return digest.hexdigest()[:32]

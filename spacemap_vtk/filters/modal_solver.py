@@ -28,15 +28,17 @@ from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
-from spacemap_vtk.filters.cage_state import read_state
 from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
+from spacemap_vtk.io.rest_state import read_rest_state
 from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.contact.obstacle_term import contact_stiffness
+from spacemap_vtk.mechanics.contact.path import divide_path, follow_path
 from spacemap_vtk.mechanics.contact.resting import (
-    can_touch,
+    Resting,
+    count_anchors,
     find_resting_state,
     layers_of,
     obstacles_of,
@@ -167,12 +169,19 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         "them: if nothing else holds it, it first falls along its load until it touches one.",
         group="Hung",
     )
-    dropped_from = FilePath(
+    start = FilePath(
         None,
-        "File of a cage with the array displacement, as an exported cage has it. With obstacles or "
-        "[contact], the equilibrium is the one that the cage reaches from this state: cloth that "
-        "falls from another place lies in other folds.",
-        automatic="the undeformed state",
+        "File of the state from which the search for the equilibrium begins: a cage with the array "
+        "displacement, as `spacemap export --what cage` writes it. Cloth that falls from another "
+        "place lies in other folds. What is held stays where it is in the file.",
+        automatic="the undeformed cage",
+        group="Hung",
+    )
+    path_steps = Integer(
+        10,
+        "Number of equilibria along each straight line of the obstacles' paths.",
+        minimum=1,
+        maximum=10_000,
         group="Hung",
     )
     hang = Flag(
@@ -290,10 +299,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         anchors: Floats | None = None
         layers = layers if linear else 2 * layers
         if self.is_hung:
-            load = self._dead_load(grid, model)
-            if load.any() or any(term.forces(vertices).any() for term in terms):
+            load, start, path = self._dead_load(grid, model), *self._start_and_path(model)
+            acts = load.any() or any(term.forces(vertices).any() for term in terms)
+            if acts or start is not None or path is not None:
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
-                self._undeformed, (rest, anchors) = model, self._equilibrium(model, load, layers)
+                self._undeformed = model
+                rest, anchors = self._equilibrium(model, load, start, path, layers)
                 terms = rested_terms(terms, vertices + rest, anchors)
                 self._model = model = Model(*data, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
@@ -366,6 +377,26 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                 recipes.append({"kind": "layer-friction", "friction": friction, **layers})
         return recipes
 
+    def _start_and_path(self, model: Model) -> tuple[Resting | None, Floats | None]:
+        """Return the state where the equilibrium begins, and displacements of the obstacles."""
+        start = None
+        if self.start is not None:
+            with add_key_to_errors("start"):
+                start = read_rest_state(self.start, model.points, count_anchors(model))
+        if not any(obstacle.path for obstacle in self.obstacles):
+            return start, None
+        path = divide_path([obstacle.path or () for obstacle in self.obstacles], self.path_steps)
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=2).max(axis=0)
+        for number, (length, term) in enumerate(zip(steps, obstacles_of(model), strict=True)):
+            if length > term.obstacle.depth:
+                raise InputError(
+                    f"obstacle {number} moves so far in a step that it could jump past the cage",
+                    key="path_steps",
+                    value=self.path_steps,
+                    allowed=f"at least {math.ceil(length * self.path_steps / term.obstacle.depth)}",
+                )
+        return start, path
+
     def sheet_figures(self, grid: vtkUnstructuredGrid) -> DataSheet | None:
         """Return the figures of a cage that is a sheet, without solving anything.
 
@@ -411,7 +442,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     @property
     def is_hung(self) -> bool:
         """Whether the cage is to hang, and there is a load under which it hangs."""
-        given = any(self.gravity) or self.dead_loads or self._terms or self.obstacles
+        given = any(self.gravity) or self.dead_loads or self._terms or self.obstacles or self.start
         return self.hang and bool(given)
 
     @property
@@ -432,16 +463,16 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             total += cage.vertex_forces(vector)
         return total
 
-    def _equilibrium(self, model: Model, load: Floats, layers: float) -> tuple[Floats, Floats]:
+    def _equilibrium(
+        self,
+        model: Model,
+        load: Floats,
+        start: Resting | None,
+        path: Floats | None,
+        layers: float,
+    ) -> tuple[Floats, Floats]:
         """Return displacement and anchors of friction in equilibrium, from disk or solved."""
-        released = None
-        if self.dropped_from is not None:
-            with add_key_to_errors("dropped_from"):
-                released = read_state(self.dropped_from, model.points)
-            if not can_touch(model):
-                self.warn("dropped_from has no effect, because there are no obstacles")
-                released = None
-        digest = _equilibrium_digest(model, load, released)
+        digest = _digest_of_equilibrium(model, load, start, path)
 
         def allow() -> None:
             require_memory(
@@ -454,7 +485,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
 
         def solve() -> list[Floats]:
             return load_or_solve_equilibrium(
-                model, load, lambda share: self.report_progress(share, "hanging"), allow, released
+                model,
+                load,
+                lambda share: self.report_progress(share, "hanging"),
+                allow,
+                start=start,
+                path=path,
             )
 
         if self._last_equilibrium is None or self._last_equilibrium[0] != digest:
@@ -615,7 +651,9 @@ def load_or_solve_equilibrium(
     load: Floats,
     progress: Progress,
     allow: Callable[[], object] = lambda: None,
-    released: Floats | None = None,
+    *,
+    start: Resting | None = None,
+    path: Floats | None = None,
 ) -> list[Floats]:
     """Return the equilibrium of a body under dead loads, from disk or solved.
 
@@ -629,9 +667,11 @@ def load_or_solve_equilibrium(
         Receives the share that is done.
     allow : callable, optional
         Called before solving; may raise to prevent it.
-    released : ndarray of float64, shape (V, 3), optional
-        Displacement [m] from which a body with obstacles falls, see
-        `spacemap_vtk.mechanics.contact.resting.find_resting_state`.
+    start : Resting, optional
+        State from which the search begins; by default the undeformed body.
+    path : ndarray of float64, shape (S, n, 3), optional
+        Displacements of the n obstacles from their places, from
+        `spacemap_vtk.mechanics.contact.path.divide_path`; by default they stay.
 
     Returns
     -------
@@ -639,14 +679,16 @@ def load_or_solve_equilibrium(
         The displacement [m], (V, 3), the share of the load at which it buckles, (1,), or NaN, and
         the anchors of friction on obstacles [m], (S, 3).
     """
-    key = f"hung-{_equilibrium_digest(model, load, released)}"
+    key = f"hung-{_digest_of_equilibrium(model, load, start, path)}"
     entry = cache.load(key, displacement=model.points.shape, critical=(1,), anchors=(-1, 3))
     if entry is not None and np.isfinite(entry["displacement"]).all():
         return list(entry.values())
     allow()
     share, anchors = None, np.empty((0, 3))
-    if obstacles_of(model) or layers_of(model) or released is not None:
-        displacement, anchors = find_resting_state(model, load, progress, released=released)
+    if path is not None:
+        displacement, anchors = follow_path(model, load, path, progress, start)
+    elif obstacles_of(model) or layers_of(model) or start is not None:
+        displacement, anchors = find_resting_state(model, load, progress, start)
     else:
         displacement, share = model.solve_equilibrium(load, progress)
     critical = np.array([math.nan if share is None else share])
@@ -654,9 +696,12 @@ def load_or_solve_equilibrium(
     return [displacement, critical, anchors]
 
 
-def _equilibrium_digest(model: Model, load: Floats, released: Floats | None) -> str:
-    state = () if released is None else (released,)
-    return digest_of(model.digest, load / model.modulus, *state)
+def _digest_of_equilibrium(
+    model: Model, load: Floats, start: Resting | None, path: Floats | None
+) -> str:
+    """Return the digest of all that an equilibrium depends on."""
+    more = [] if start is None else [*start]
+    return digest_of(model.digest, load / model.modulus, *more, *([] if path is None else [path]))
 
 
 def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from spacemap_vtk.filters.load import Numbers
 from spacemap_vtk.filters.records import Record, Records
 from spacemap_vtk.filters.time_keys import check_time_keys, make_time_function
 from spacemap_vtk.io import registry
+from spacemap_vtk.io.formats.toml import format_value
 from spacemap_vtk.io.reading import read_object
 from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.contact import obstacles as bodies
@@ -27,7 +28,7 @@ from spacemap_vtk.mechanics.contact.self_contact import SelfContact
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import energy_term
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.parameters import Choice, FilePath, Real, Vector
+from spacemap_vtk.parameters import Choice, FilePath, Parameter, Real, Vector
 
 #: For each shape, the keys that it needs and the keys that it may have.
 SHAPES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -47,8 +48,45 @@ _ROUNDING = 0.5
 _MOTIONS = ("ramp", "table", "harmonic", "periodic")
 _MOTION_KEYS = ("start", "rise", "times", "values", "frequency")
 
+#: Keys that an obstacle of any shape may have.
+_ALWAYS = ("friction", "path", "displacement")
+
 _SIZED = ("box",)
 _ROUND = ("sphere", "cylinder", "disc")
+
+
+class Vectors(Parameter[Any]):
+    """A list of vectors.
+
+    Parameters
+    ----------
+    help : str
+        One sentence, shown wherever the parameter is shown.
+    component : Real
+        Parameter that checks each component.
+    """
+
+    kind = "vectors"
+    annotation = "sequence of sequence of 3 float"
+
+    def __init__(self, help: str, *, component: Real) -> None:
+        super().__init__(None, help, unit=component.unit)
+        self._vector = Vector(None, help, component=component)
+
+    def convert(self, value: Any) -> tuple[tuple[float, ...], ...]:
+        """Convert to a tuple of checked vectors."""
+        if isinstance(value, str) or not isinstance(value, Iterable) or not (given := list(value)):
+            raise InputError("must be a list of vectors")
+        return tuple(self._vector.convert(each) for each in given)
+
+    def text(self, value: Any) -> str:
+        """Format the vectors as in TOML, in SI."""
+        return format_value(tuple(tuple(float(f"{x:.6g}") for x in each) for each in value))
+
+    @property
+    def expected(self) -> str:
+        """The vectors in words."""
+        return f"a list, each {self._vector.expected}"
 
 
 class Obstacle(Record):
@@ -125,6 +163,12 @@ class Obstacle(Record):
     file = FilePath(
         None, "File of a closed surface, of any mesh format.", when={"shape": ("mesh",)}
     )
+    path = Vectors(
+        "Displacements from its place through which the obstacle is moved slowly, along straight "
+        "lines, before anything moves in time; it stays at the last. All obstacles move along "
+        "their lines of the same number together.",
+        component=Real(0.0, "", unit="m"),
+    )
     displacement = Vector(
         None,
         "Displacement of the obstacle in time steps, multiplied by a time function.",
@@ -150,7 +194,7 @@ class Obstacle(Record):
     friction = Real(
         0.0,
         "Coefficient of Coulomb friction. With friction the equilibrium depends on the path: the "
-        "cage sticks where it first touches.",
+        "cage sticks where it first touches, until it is moved.",
         minimum=0.0,
     )
 
@@ -170,7 +214,7 @@ class Obstacle(Record):
                     f'shape = "{self.shape}" does not use this value',
                     key=key,
                     value=getattr(self, key),
-                    allowed=", ".join(("center", *needed, *possible, "friction", "displacement")),
+                    allowed=", ".join(("center", *needed, *possible, *_ALWAYS)),
                 )
         for key in ("normal", "axis"):
             if not any(getattr(self, key)):
@@ -242,8 +286,10 @@ class Obstacle(Record):
 
     @property
     def body(self) -> dict[str, Any]:
-        """Shape and place as keyword arguments of `_make_body`, numbers and texts only."""
-        values: dict[str, Any] = {"shape": self.shape, "center": list(self.center)}
+        """Shape and last place as keyword arguments of `_make_body`, numbers and texts only."""
+        moved = self.path[-1] if self.path else (0.0, 0.0, 0.0)
+        center = [x + dx for x, dx in zip(self.center, moved, strict=True)]
+        values: dict[str, Any] = {"shape": self.shape, "center": center}
         values["axis"] = list(self.normal if self.shape == "plane" else self.axis)
         if self.shape in ("cylinder", "disc", "box"):
             own = self.rounding

@@ -143,7 +143,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     ]
     if swing := figures.get("motion"):
         found.append(Figure("motion", "motion", describe_motion(swing)))
-    return [*found, *contact_figures(figures.get("contact", []))]
+    return [*found, *contact_figures(figures)]
 
 
 def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
@@ -237,9 +237,10 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
     return found
 
 
-def contact_figures(contact: list[dict[str, Any]]) -> list[Figure]:
-    """Return the figures of a cage's contact with each obstacle, from `report_obstacles`."""
+def contact_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return the figures of a cage's contact with each obstacle, and of the path to it."""
     found = []
+    contact, path = figures.get("contact", []), figures.get("path")
     for each in contact:
         number, force = each["obstacle"], each["force"]
         text = (
@@ -254,6 +255,12 @@ def contact_figures(contact: list[dict[str, Any]]) -> list[Figure]:
     if sticking:
         text = f"{sticking} points stick where they first touched; another path may end elsewhere"
         found.append(Figure("contact_path", "friction", text, sticking))
+    if path is not None:
+        text = f"from {path['start'] or 'the undeformed cage'}"
+        if moved := ", ".join(map(str, path["moved"])):
+            plural = "s" * (len(path["moved"]) > 1)
+            text += f", with obstacle{plural} {moved} moved through {path['states']} states"
+        found.append(Figure("path", "path", text, path["states"]))
     return found
 
 

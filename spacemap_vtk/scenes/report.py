@@ -129,6 +129,7 @@ def report_modes(scene: Scene) -> dict[str, Any]:
         "beta": damping.beta,
         "hung": hanging,
         "contact": report_obstacles(grid),
+        "path": report_path(scene.modal),
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         "warnings": scene.warnings,
     }
@@ -158,6 +159,18 @@ def report_obstacles(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
         }
         for number, found in enumerate(contact_of(grid))
     ]
+
+
+def report_path(solver: ModalSolver) -> dict[str, Any] | None:
+    """Return how the equilibrium on obstacles was reached; None if there is none."""
+    if not solver.is_hung or not (solver.obstacles or solver.start):
+        return None
+    lines = max((len(obstacle.path or ()) for obstacle in solver.obstacles), default=0)
+    return {
+        "start": None if solver.start is None else solver.start.name,
+        "moved": [n for n, obstacle in enumerate(solver.obstacles) if obstacle.path],
+        "states": 1 + lines * solver.path_steps,
+    }
 
 
 def report_sheet(sheet: DataSheet | None) -> dict[str, Any]:
@@ -328,6 +341,7 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
                 if solver.obstacles:
                     scene.update_stage(solver)
                     figures["contact"] = report_obstacles(solver.output)
+                    figures["path"] = report_path(solver)
     for _ in add_clearance(scene, figures):
         pass
     if over.size > MOST_CROSSINGS:

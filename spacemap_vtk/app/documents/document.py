@@ -173,7 +173,7 @@ class Document(QObject):
         """What exists only in a temporary file, in words; empty if nothing does."""
         if self.drafts.contains(self.scene.draft_file):
             return "the edited draft"
-        if self.drafts.contains(self.scene.modal.dropped_from):
+        if self.drafts.contains(self.scene.modal.start):
             return "the state from which the cloth was dropped"
         return ""
 
@@ -476,13 +476,13 @@ class Document(QObject):
 
     def _save_state(self, target: Path, folder: Path) -> None:
         """Write the state from which cloth was dropped into the folder of files to save."""
-        state = self.scene.modal.dropped_from
+        state = self.scene.modal.start
         if state is None or not self.drafts.contains(state):
             return
         # The name contains a part of the content's digest: no other file is overwritten.
-        name = f"{target.stem}_dropped_from_{state.stem[:8]}{state.suffix}"
+        name = f"{target.stem}_start_{state.stem[:8]}{state.suffix}"
         write_parts(folder / name, [state.read_bytes()])
-        self._write_value("modal", "dropped_from", name)
+        self._write_value("modal", "start", name)
 
     def _relocate_paths(self, old: Path, new: Path) -> None:
         """Change relative paths so that they refer to the same files from another folder."""

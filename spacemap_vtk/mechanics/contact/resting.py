@@ -15,6 +15,8 @@ from spacemap_vtk.mechanics.modal.coarsening import coarsen, coarsen_loads, refi
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Progress
 
+#: A body lies on an obstacle if its distance from it is at most this share of its size.
+_LYING = 1e-6
 #: The coarsest sheet has at least this number of unknowns.
 _FEWEST = 500
 
@@ -61,34 +63,19 @@ def layers_of(model: Model) -> list[LayerFriction]:
     return [term for term in model.terms if isinstance(term, LayerFriction)]
 
 
-def can_touch(model: Model) -> bool:
-    """Return whether a model can touch obstacles or itself.
-
-    Parameters
-    ----------
-    model : Model
-        A body.
-
-    Returns
-    -------
-    bool
-        Whether it has terms of contact.
-    """
-    return any(isinstance(term, ObstacleTerm | SelfContact) for term in model.terms)
-
-
 def find_resting_state(
     model: Model,
     forces: Floats,
     progress: Progress | None = None,
     start: Resting | None = None,
-    released: Floats | None = None,
+    shifts: Floats | None = None,
 ) -> Resting:
-    """Find the equilibrium of an undeformed body under dead loads, on its obstacles.
+    """Find the equilibrium of a body under dead loads, on its obstacles.
 
-    A sheet is solved in cells twice as wide first, as long as there are enough of them. With
-    friction the result depends on the path: a sample is anchored where it touches in the first
-    state that is found, so that friction follows only from what moves later.
+    From the undeformed body a sheet is solved in cells twice as wide first, as long as there are
+    enough of them. With friction the result depends on the path: a sample is anchored where it
+    touches in the first state that is found, so that friction follows only from what moves later
+    (see `spacemap_vtk.mechanics.contact.path`).
 
     Parameters
     ----------
@@ -99,9 +86,10 @@ def find_resting_state(
     progress : callable, optional
         Called with the share that is done, 0 to 1; may raise to stop.
     start : Resting, optional
-        State from which the loads change, with its friction; by default the undeformed one.
-    released : ndarray of float64, shape (V, 3), optional
-        Without a start, displacement [m] from which the body falls; by default it is undeformed.
+        State from which the search begins, with its friction if there are anchors; by default the
+        undeformed one. A body that touches no obstacle there, and that nothing holds, falls.
+    shifts : ndarray of float64, shape (n, 3), optional
+        Displacement of each of the n obstacles from its place in the model [m]; by default none.
 
     Returns
     -------
@@ -116,50 +104,74 @@ def find_resting_state(
     SolverError
         If no stable state was found.
     """
+    contacts = place_contacts(model, shifts)
+    guess, released = None, None
+    if start is not None:
+        place = model.points + start.displacement
+        for term in model.terms:
+            if isinstance(term, SelfContact):
+                term.check_start(place)
+        if _lies(contacts, place, _LYING * float(np.ptp(model.points, axis=0).max())):
+            if len(start.anchors):
+                contacts = rested_terms(contacts, place, start.anchors)
+            given = model, forces, contacts, start.displacement
+            return settle_model(*given, near=True, progress=progress)
+        released = start.displacement
+    coarse = coarsen(model)
+    if coarse is not None and coarse.pencil.size >= _FEWEST:
+        load, begun = coarsen_loads(coarse, model, forces), None
+        if released is not None:
+            begun = Resting(restrict(coarse, model, released), np.empty((0, 3)))
+        found = find_resting_state(coarse, load, progress, begun, shifts)
+        guess = refine(coarse, model, found.displacement)
+        before = rested_terms(
+            place_contacts(coarse, shifts), coarse.points + found.displacement, found.anchors
+        )
+        moved = coarse.points + found.displacement, model.points + guess
+        contacts = _refine_friction(coarse.points, before, model.points, contacts, *moved)
+    return settle_model(model, forces, contacts, guess, released=released, progress=progress)
+
+
+def settle_model(
+    model: Model,
+    forces: Floats,
+    contacts: Sequence[EnergyTerm],
+    guess: Floats | None = None,
+    *,
+    near: bool = False,
+    released: Floats | None = None,
+    progress: Progress | None = None,
+) -> Resting:
+    """Find the equilibrium of a body under dead loads on obstacles with friction of their own."""
+    # `contacts` replaces the model's own terms of obstacles and of friction between layers. The
+    # search begins from the displacement `guess` (V, 3); `near` tells that it is a balance under
+    # loads, or on obstacles, that differ little. Without a guess the body falls from the
+    # displacement `released`, by default from the undeformed state.
     # This imports scipy's solvers, which results from disk do not need.
     from spacemap_vtk.mechanics.contact.settle import settle
 
-    guess, frictions = None, [term.friction for term in obstacles_of(model)]
-    layers = layers_of(model)
-    coarse = coarsen(model) if start is None else None
-    if start is not None:
-        guess = start.displacement
-        rested = rested_terms(model.terms, model.points + guess, start.anchors)
-        frictions = [term.friction for term in rested if isinstance(term, ObstacleTerm)]
-        layers = [term for term in rested if isinstance(term, LayerFriction)]
-    elif coarse is not None and coarse.pencil.size >= _FEWEST:
-        before = None if released is None else restrict(coarse, model, released)
-        shared = coarsen_loads(coarse, model, forces)
-        found = find_resting_state(coarse, shared, progress, released=before)
-        guess = refine(coarse, model, found.displacement)
-        frictions = _refine_friction(coarse, model, found, guess)
-    pencil, surface = model.pencil, model.pencil.surface
-    load = forces.reshape(-1, 3) / model.modulus
+    factor, surface = 1 / model.modulus, model.pencil.surface
+    obstacles = [term for term in contacts if isinstance(term, ObstacleTerm)]
+    layers = [term for term in contacts if isinstance(term, LayerFriction)]
+    pencil = model.pencil
+    load = factor * forces.reshape(-1, 3)
     load = load if surface is None else 2 * surface.to_nodes(load)
     undeformed = pencil.nodes.positions
 
     def to_positions(moved: Floats) -> Floats:
         return undeformed + (moved if surface is None else surface.to_nodes(moved))
 
-    begin = start.displacement if start is not None else released
-    for term in pencil.terms:
-        if isinstance(term, SelfContact) and begin is not None:
-            term.check_start(to_positions(begin))
-    contacts = [
-        term.replace(friction=friction).in_model_nodes(surface, 1 / model.modulus)
-        for term, friction in zip(obstacles_of(model), frictions, strict=True)
-    ]
     result = settle(
         [term for term in pencil.terms if not isinstance(term, ObstacleTerm | LayerFriction)],
-        contacts,
+        [term.in_model_nodes(surface, factor) for term in obstacles],
         pencil.basis.tocsr(),
         undeformed,
         [DeadLoad(load, undeformed)],
         pencil.mass.diagonal(),
         pencil.nodes.translate,
-        layers=[term.in_model_nodes(surface, 1 / model.modulus) for term in layers],
+        layers=[term.in_model_nodes(surface, factor) for term in layers],
         guess=None if guess is None else to_positions(guess),
-        near=start is not None,
+        near=near,
         released=None if released is None else to_positions(released),
         progress=progress,
     )
@@ -174,6 +186,29 @@ def find_resting_state(
         for term in result.contacts
     ]
     return Resting(moved, np.concatenate([*anchors, *(term.anchors for term in result.layers)]))
+
+
+def place_contacts(model: Model, shifts: Floats | None) -> list[EnergyTerm]:
+    """Return a model's terms of obstacles, displaced by the rows of `shifts`, and of layers."""
+    obstacles = obstacles_of(model)
+    if shifts is not None:
+        obstacles = [
+            term.replace(obstacle=term.obstacle.moved(shift))
+            for term, shift in zip(obstacles, shifts, strict=True)
+        ]
+    return [*obstacles, *layers_of(model)]
+
+
+def _lies(contacts: Sequence[EnergyTerm], positions: Floats, distance: float) -> bool:
+    """Check whether a body lies on one of its obstacles, unless it has none."""
+    obstacles = [term for term in contacts if isinstance(term, ObstacleTerm)]
+    return not obstacles or any(term.gaps(positions).min() < distance for term in obstacles)
+
+
+def count_anchors(model: Model) -> int:
+    """Return the number of anchors of friction in a state of a model, see `Resting`."""
+    samples = sum(term.samples.areas.size for term in obstacles_of(model))
+    return samples + sum(3 * len(term.springs) for term in layers_of(model))
 
 
 def rested_terms(
@@ -227,29 +262,37 @@ def report_contact(model: Model) -> list[Contact]:
 
 
 def _refine_friction(
-    coarse: Model, fine: Model, resting: Resting, guess: Floats
-) -> list[Friction | None]:
+    coarse: Floats,
+    before: Sequence[EnergyTerm],
+    fine: Floats,
+    terms: Sequence[EnergyTerm],
+    rested: Floats,
+    guess: Floats,
+) -> list[EnergyTerm]:
     """Let fine samples begin with the friction per area of the nearest coarse sample."""
+    # Vertices of both cages are given undeformed, and at rest or as guessed.
     from scipy.spatial import cKDTree
 
-    result: list[Friction | None] = []
-    rested = rested_terms(
-        obstacles_of(coarse), coarse.points + resting.displacement, resting.anchors
-    )
-    for before, term in zip(rested, obstacles_of(fine), strict=True):
-        if not isinstance(before, ObstacleTerm) or before.friction is None:
-            result.append(None)
+    result: list[EnergyTerm] = []
+    for old, term in zip(before, terms, strict=True):
+        if (
+            not isinstance(old, ObstacleTerm)
+            or not isinstance(term, ObstacleTerm)
+            or old.friction is None
+        ):
+            result.append(term)
             continue
-        state = before.evaluate(coarse.points + resting.displacement)
-        traction, limits = np.zeros((*before.samples.areas.shape, 3)), before.friction.limits
-        traction[state.elements] = state.friction / before.samples.areas[state.elements][..., None]
-        tree = cKDTree(before.samples.positions(coarse.points).reshape(-1, 3))
-        nearest = tree.query(term.samples.positions(fine.points).reshape(-1, 3))[1]
-        where = term.samples.positions(fine.points + guess)
-        moved = (traction.reshape(-1, 3)[nearest] / term.stiffness).reshape(where.shape)
+        state = old.evaluate(rested)
+        traction, limits = np.zeros((*old.samples.areas.shape, 3)), old.friction.limits
+        traction[state.elements] = state.friction / old.samples.areas[state.elements][..., None]
+        tree = cKDTree(old.samples.positions(coarse).reshape(-1, 3))
+        nearest = tree.query(term.samples.positions(fine).reshape(-1, 3))[1]
+        where = term.samples.positions(guess)
+        slip = (traction.reshape(-1, 3)[nearest] / term.stiffness).reshape(where.shape)
         normals = term.obstacle.distance(where.reshape(-1, 3)).gradient
         normals = (normals / np.linalg.norm(normals, axis=1)[:, None]).reshape(where.shape)
-        shares = (limits / before.samples.areas).ravel()[nearest].reshape(where.shape[:2])
-        anchors = np.where(shares[..., None] > 0, where - moved, np.nan)
-        result.append(Friction(anchors, normals, shares * term.samples.areas))
+        shares = (limits / old.samples.areas).ravel()[nearest].reshape(where.shape[:2])
+        anchors = np.where(shares[..., None] > 0, where - slip, np.nan)
+        friction = Friction(anchors, normals, shares * term.samples.areas)
+        result.append(term.replace(friction=friction))
     return result

@@ -25,6 +25,9 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 #: Distance over which the barrier acts, as a share of the thickness.
 REACH = 0.5
+#: Shifts of the mid-points, as a share of a cell: without them, edges of layers that lie on each
+#: other can be parallel up to rounding, where ipctk's derivatives are not finite.
+_JITTER = 1e-7
 #: How far nodes may move, as a share of a cell, before pairs that may touch are searched again.
 _MARGIN = 0.125
 
@@ -88,6 +91,8 @@ class SelfContact(EnergyTerm):
                 cure="Use fewer divisions of the cage",
             )
         self._margin = _MARGIN * float(np.median(sides))
+        random = np.random.default_rng(0)
+        self._jitter = _JITTER * float(sides.min()) * random.uniform(-1, 1, rest.shape)
         self._barrier = ipctk.BarrierPotential(self._reach, stiffness * self._reach, True)
         #: Positions and candidates of the last broad search.
         self._near: tuple[Floats, Any] | None = None
@@ -163,7 +168,7 @@ class SelfContact(EnergyTerm):
     def largest_step(self, positions: Floats, move: Floats) -> float:
         """Compute the largest step that leaves all layers farther apart than the thickness."""
         start = self.to_middle(positions)
-        end = np.asfortranarray(start + self.to_middle(move))
+        end = self.to_middle(positions + move)
         free = self._free_share(start, end)
         return np.inf if free >= 1.0 else 0.9 * free
 
@@ -333,21 +338,22 @@ class SelfContact(EnergyTerm):
         return result
 
     def to_middle(self, positions: Floats) -> Floats:
-        """Return the mid-points of positions or moves of the nodes.
+        """Return the mid-points of positions of the nodes.
 
         Parameters
         ----------
         positions : ndarray of float64, shape (V, 3)
-            Positions or moves of all nodes [m].
+            Positions of all nodes [m].
 
         Returns
         -------
         ndarray of float64, shape (n, 3), in columns
-            Those of the mid-points [m].
+            Mid-points [m].
         """
-        if self._pairs is None:
-            return np.asfortranarray(positions[: self._count])
-        return np.asfortranarray(positions[self._pairs].mean(axis=1))
+        middle = positions[: self._count]
+        if self._pairs is not None:
+            middle = positions[self._pairs].mean(axis=1)
+        return np.asfortranarray(middle + self._jitter)
 
     def _find_collisions(self, middle: Floats) -> Any:
         """Return the collisions at mid-points (n, 3)."""

@@ -199,7 +199,7 @@ def _find_balance(
     """Find a state of balance with Coulomb friction, and end the step in it."""
     # Near a balance, Newton's method with limits that follow the normal forces needs few steps. If
     # it fails, it starts again from the least energy with given limits, and these are renewed.
-    others = system.terms[: -len(contacts)]
+    others = system.terms[: len(system.terms) - len(contacts)]
     if all(term.coefficient == 0.0 for term in contacts):
         system.terms = [*others, *contacts]
         # Without a load, balance is relative to what is unbalanced at the start: start twice.

@@ -332,7 +332,9 @@ def _truncation_warnings(
     """List warnings for loaded axes along which the modes hold too little of the mass."""
     if modes.is_complete:
         return []
-    held = modes.effective_masses.sum(axis=0) / modes.model.movable_mass
+    movable = modes.model.movable_mass
+    # Along an axis in which nothing can move, no mass is missing.
+    held = np.divide(modes.effective_masses.sum(axis=0), movable, out=np.ones(3), where=movable > 0)
     return [
         f"the {len(modes.eigenvalues)} modes contain {share:.0%} of the mass along {axis}, the "
         "direction of a load; raise modal.modes for accurate motion"
