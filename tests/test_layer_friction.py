@@ -225,8 +225,9 @@ def test_layer_that_is_pulled_resists_with_the_friction_of_its_weight() -> None:
 
 
 def test_states_computed_elsewhere_continue_with_their_friction() -> None:
+    found = pile(0.3)
+
     def begin() -> SteppedMotion:
-        found = pile(0.3)
         way = GRAVITY * math.sin(0.2), 0.0, -GRAVITY
         return motion_of(found.model, way, displacement=found.displacement, tolerance=1.0)
 
@@ -236,5 +237,5 @@ def test_states_computed_elsewhere_continue_with_their_friction() -> None:
     assert not second.resume(first.states.copy())
     assert second.resume(first.states.copy(), first.slips)
     # The length of a step depends on the tangent, which is computed anew.
-    moved = [mean_path(pile(0.3), motion, [0.006]) for motion in (first, second)]
+    moved = [mean_path(found, motion, [0.006]) for motion in (first, second)]
     assert moved[1] == pytest.approx(moved[0], rel=0.05)

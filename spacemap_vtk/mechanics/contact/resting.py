@@ -206,7 +206,18 @@ def _lies(contacts: Sequence[EnergyTerm], positions: Floats, distance: float) ->
 
 
 def count_anchors(model: Model) -> int:
-    """Return the number of anchors of friction in a state of a model, see `Resting`."""
+    """Return the number of anchors of friction in a state of a model, see `Resting`.
+
+    Parameters
+    ----------
+    model : Model
+        A body.
+
+    Returns
+    -------
+    int
+        Number of rows of `Resting.anchors` with friction.
+    """
     samples = sum(term.samples.areas.size for term in obstacles_of(model))
     return samples + sum(3 * len(term.springs) for term in layers_of(model))
 
