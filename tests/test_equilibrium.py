@@ -329,7 +329,8 @@ def test_unsupported_body_is_refused() -> None:
     two = [
         Strains(
             np.concatenate([kind.nodes, kind.nodes + len(made.start)]),
-            *(np.concatenate([a, a]) for a in (kind.forms, kind.reference, kind.stiffness)),
+            kind.forms,  # of all elements
+            *(np.concatenate([a, a]) for a in (kind.reference, kind.stiffness)),
         )
         for kind in made.strains
     ]

@@ -24,7 +24,7 @@ from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
 from spacemap_vtk.mechanics.boundary.supports import free_motions
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT, Assembly
 from spacemap_vtk.mechanics.elements.plates import Plate
-from spacemap_vtk.mechanics.elements.strains import Strains, product_form
+from spacemap_vtk.mechanics.elements.strains import Strains, product_form, share_forms
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -384,7 +384,9 @@ class SheetGradient:
 
 def _strains_from(nodes: Ints, forms: Floats, stiffness: NDArray[Any], nodal: Floats) -> Strains:
     """Make strains that are zero in the given shape."""
-    bare = Strains(nodes, forms, np.zeros(forms.shape[:3]), stiffness)
+    zero = np.zeros(forms.shape[:3])
+    forms = share_forms(forms)
+    bare = Strains(nodes, forms, zero, stiffness)
     return Strains(nodes, forms, bare.strains_and_gradients(nodal)[0], stiffness)
 
 

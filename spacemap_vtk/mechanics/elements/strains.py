@@ -37,6 +37,9 @@ _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
 #: A negative eigenvalue of a form is rounding if it is below this share of the largest one.
 _DEFINITE = 1e-9
 
+#: Forms that differ by at most this share of the largest entry are equal but for rounding.
+_EQUAL = 1e-12
+
 #: Largest rotation in a Newton step [rad].
 MAX_ROTATION = 0.5
 
@@ -50,7 +53,8 @@ class Strains(EnergyTerm):
 
     #: (E, n) Nodes of each of the E elements, as row numbers of the positions.
     nodes: Ints
-    #: (E, Q, s, n, n) Symmetric forms b of s strains at each of Q quadrature points.
+    #: (E, Q, s, n, n) Symmetric forms b of s strains at each of Q quadrature points; (1, …) if those
+    #: of all elements are equal.
     forms: Floats
     #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
     reference: Floats
@@ -77,7 +81,8 @@ class Strains(EnergyTerm):
         """Compute ½ z b z, (E, Q, s), the second-order part of the strain of a move z, and G."""
         z = positions[self.nodes]
         elements, nodes = self.nodes.shape
-        gradients = (self.forms.reshape(elements, -1, nodes) @ z).reshape(*self.forms.shape[:4], 3)
+        gradients = self.forms.reshape(len(self.forms), -1, nodes) @ z
+        gradients = gradients.reshape(elements, *self.forms.shape[1:4], 3)
         flat = gradients.reshape(elements, -1, 3 * nodes) @ z.reshape(elements, -1, 1)
         return 0.5 * flat.reshape(self.reference.shape), gradients
 
@@ -133,7 +138,7 @@ class Strains(EnergyTerm):
         """Compute the largest multiple of a move (V, 3) that turns no element by more than TURN."""
         # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
         # across it by θ of its length has a strain of θ²/2.
-        squares = self.second_order_strains(move)[0][self._can_stabilise]
+        squares = np.where(self._can_stabilise, self.second_order_strains(move)[0], 0.0)
         return MAX_ROTATION / max(_MIN_ROTATION, float(np.sqrt(2 * squares.max(initial=0.0))))
 
     def tangent_with_stress(
@@ -146,8 +151,7 @@ class Strains(EnergyTerm):
         right = flat if others is None else others.reshape(flat.shape)
         pulled = (self.stiffness @ right).reshape(elements, -1, 3 * nodes)
         result = flat.reshape(elements, -1, 3 * nodes).swapaxes(1, 2) @ pulled
-        forms = self.forms.reshape(elements, points * count, -1)
-        pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)
+        pull = self._sum_forms(stress)
         blocks = result.reshape(elements, nodes, 3, nodes, 3)
         for axis in range(3):
             blocks[:, :, axis, :, axis] += pull
@@ -167,15 +171,26 @@ class Strains(EnergyTerm):
         left, right = (self.stiffness @ strained), strained
         total = left.reshape(-1, len(fields)).T @ right.reshape(-1, len(fields))
         if stress.any():
-            forms = self.forms.reshape(elements, -1, nodes * nodes)
-            pull = (stress.reshape(elements, 1, -1) @ forms).reshape(elements, nodes, nodes)
+            pull = self._sum_forms(stress)
             total += np.einsum("meak,enak->mn", pull @ moved, moved.swapaxes(0, 1))
         return (total + total.T) / 2
 
     def resistance_matrices(self) -> Floats:
         """Compute matrices, (E, 3 n, 3 n), that are zero for moves which strain no element."""
-        rows = self.forms.reshape(len(self.nodes), -1, self.nodes.shape[1])
-        return np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
+        nodes = self.nodes.shape[1]
+        rows = self.forms.reshape(len(self.forms), -1, nodes)
+        found = np.asarray(np.kron(rows.swapaxes(1, 2) @ rows, np.eye(3)), dtype=np.float64)
+        return np.broadcast_to(found, (len(self.nodes), 3 * nodes, 3 * nodes))
+
+    def _sum_forms(self, stress: Floats) -> Floats:
+        """Compute Σ_s σ_s b_s of each element, (E, n, n)."""
+        elements, nodes = self.nodes.shape
+        if len(self.forms) == 1:
+            found = stress.reshape(elements, -1) @ self.forms.reshape(-1, nodes * nodes)
+        else:
+            forms = self.forms.reshape(elements, -1, nodes * nodes)
+            found = stress.reshape(elements, 1, -1) @ forms
+        return found.reshape(elements, nodes, nodes)
 
     @cached_property
     def _can_stabilise(self) -> Bools:
@@ -277,6 +292,13 @@ def shape_gradients(points: Floats, cells: Ints) -> tuple[Floats, Floats]:
     slopes = np.eye(4)[None] if cells.shape[1] == 4 else shape_slopes(QUADRATURE_POINTS)
     weights = np.repeat(volume[:, None] / len(slopes), len(slopes), axis=1)
     return np.einsum("qna,tai->tqni", slopes, gradients), weights
+
+
+def share_forms(forms: Floats) -> Floats:
+    """Keep one of the forms (E, …) if they are equal but for rounding, as on a regular lattice."""
+    if len(forms) and abs(forms - forms[:1]).max() <= _EQUAL * abs(forms[0]).max():
+        return forms[:1]
+    return forms
 
 
 def product_form(left: Floats, right: Floats) -> Floats:

@@ -61,9 +61,9 @@ class ReducedSystem:
         keys, slots = np.unique(np.concatenate([diagonal, *parts]), return_inverse=True)
         ends = np.cumsum([size, *(len(part) for part in parts)])
         #: Position of each diagonal entry in a matrix, and of the entries of each term.
-        self._diagonal, *self._slots = np.split(slots.ravel(), ends[:-1])
         # The index type that scipy takes, so that matrices share these arrays.
         kind = np.int32 if len(keys) < 2**31 else np.int64
+        self._diagonal, *self._slots = np.split(slots.ravel().astype(kind), ends[:-1])
         self._columns = (keys % size).astype(kind)
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size).astype(kind)
         self.__dict__.pop("analysis", None)
@@ -241,8 +241,9 @@ def reduction_entries(nodes: Ints, basis: sp.csr_matrix) -> tuple[Ints, Floats, 
     first = np.repeat(np.cumsum(count) - count, count)
     right = np.arange(len(left)) - np.repeat(np.cumsum(each) - each - first, each)
     column = part.indices.astype(np.int64)
+    entry = row[left] * wide + row[right] % wide
     return (
-        row[left] * wide + row[right] % wide,
+        entry.astype(np.int32) if elements * wide**2 < 2**31 else entry,
         part.data[left] * part.data[right],
         column[left] * basis.shape[1] + column[right],
     )
