@@ -18,21 +18,22 @@ from PIL import Image
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent
-COLORS = json.dumps(["#b3262e"] * 13 + ["#f4ecdc"] * 12)
 
-#: The tablecloth of the scene `drape`, closely woven of 400 by 500 yarns in place of 80 by 100.
+#: The cloth of the scene `tablecloth`, closely woven of 400 by 500 yarns in place of 150 by 150, in
+#: cells half as wide, so that thin yarns do not sink into the rim of the table.
 FINE_CLOTH = {
+    "cage.divisions": "[80, 80, 1]",
     "weave.ends": "400",
     "weave.picks": "500",
-    "weave.warp_spacing": "1.5 mm",
-    "weave.weft_spacing": "1.5 mm",
+    "weave.warp_spacing": "0.75 mm",
+    "weave.weft_spacing": "0.6 mm",
     "weave.warp_section": "lenticular",
     "weave.weft_section": "lenticular",
     "weave.warp_diameter": "auto",
     "weave.weft_diameter": "auto",
-    "weave.warp_color": COLORS,
-    "weave.weft_color": COLORS,
-    "modal.modes": "12",  # the cloth hangs at rest: modes are not used
+    "weave.warp_color": json.dumps(["#274b78"] * 13 + ["#f1ead9"] * 13),
+    "weave.weft_color": json.dumps(["#274b78"] * 16 + ["#f1ead9"] * 16),
+    "modal.modes": "1",  # the cloth lies at rest: modes are not used
 }
 
 
@@ -44,14 +45,14 @@ def run(*words: str, **settings: str) -> None:
     subprocess.run(command, check=True)
 
 
-def draw_drape(file: Path) -> None:
+def draw_tablecloth(file: Path) -> None:
     """Draw the tablecloth whole, and beside it a part of it from near."""
     parts = []
     with tempfile.TemporaryDirectory() as folder:
         for size, zoom in (("1040x820", "1"), ("520x820", "9")):
             part = Path(folder) / f"{zoom}.png"
             settings = {**FINE_CLOTH, "view.zoom": zoom}
-            run("render", "drape", "-o", str(part), "--size", size, **settings)
+            run("render", "tablecloth", "-o", str(part), "--size", size, **settings)
             with Image.open(part) as picture:
                 parts.append(picture.convert("RGB"))
     page = Image.new("RGB", (sum(part.width for part in parts), parts[0].height))
@@ -112,7 +113,7 @@ def draw_paraview(file: Path) -> None:
 
 
 PICTURES: dict[str, Callable[[Path], None]] = {
-    "drape.jpg": draw_drape,
+    "tablecloth.jpg": draw_tablecloth,
     "styles.jpg": draw_styles,
     "close.jpg": draw_close,
     "sweep.jpg": draw_sweep,

@@ -34,7 +34,7 @@ def test_pictures_and_links_of_the_readme_exist() -> None:
     root = Path(__file__).parents[1]
     text = (root / "README.md").read_text("utf-8")
     links = re.findall(r"\]\(([^):]+)\)", text)
-    assert links[0] == "docs/drape.jpg"
+    assert links[0] == "docs/tablecloth.jpg"
     for link in links:
         assert (root / link).exists(), link
 

@@ -68,7 +68,7 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
     assert inside == {str(name) for _, name in files}
     for what in ("Source", "Documentation", "Changelog", "Issues"):
         assert f"\nProject-URL: {what}, {PUBLIC}/" in reported
-    assert f"]({PUBLIC}/raw/v1.2/docs/drape.jpg)" in reported
+    assert f"]({PUBLIC}/raw/v1.2/docs/tablecloth.jpg)" in reported
     assert not re.search(r"\]\((?!https?:|#)", reported.partition("\n\n")[2])
     citation = (published / "checkout/CITATION.cff").read_text("utf-8")
     assert f'\nrepository-code: "{PUBLIC}"\nversion: "1.2"\n' in citation

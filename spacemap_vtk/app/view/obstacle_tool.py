@@ -93,7 +93,13 @@ class ObstacleTool(QObject):
         for actor in (shown.bodies, shown.planes, shown.surface, shown.sheet):
             if actor.GetVisibility():
                 picker.AddPickList(actor)
-        if not picker.Pick(*self._device_position(at), 0.0, self._canvas.renderer):
+        # Elsewhere obstacles are not picked, as if they were transparent.
+        for actor in (shown.bodies, shown.planes):
+            actor.SetPickable(True)
+        found = picker.Pick(*self._device_position(at), 0.0, self._canvas.renderer)
+        for actor in (shown.bodies, shown.planes):
+            actor.SetPickable(False)
+        if not found:
             return None
         endless = picker.GetActor() is shown.planes
         if not endless and picker.GetActor() is not shown.bodies:
