@@ -163,7 +163,7 @@ class ObstacleHandle:
     @property
     def _center(self) -> Floats:
         assert self.obstacle is not None
-        return np.array(self.obstacle.center)
+        return np.array(self.obstacle.body["center"])  # at the end of its path
 
     @property
     def _rim(self) -> Floats:
@@ -188,7 +188,7 @@ class ObstacleHandle:
         """Return what the mouse points at: a point, or for a radius the vector to the rim."""
         start = self._held_from
         assert start is not None
-        origin = np.array(start.center)
+        origin = np.array(start.body["center"])
         near, way = self._sight_line(x, y)
         if isinstance(self.held, int):
             # The point of the arrow's line that is nearest to the line of sight.

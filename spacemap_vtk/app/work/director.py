@@ -57,6 +57,8 @@ class Director(QObject):
         #: Whether the last request only follows a camera move; whether such a request was cancelled
         #: because the camera has moved on.
         self._follows_camera = self._was_superseded = False
+        #: Whether the user has cancelled the run of the last request.
+        self._was_cancelled = False
         self._settings: dict[str, dict[str, Any]] = {}
         self.rest_timer = single_shot(self, self._request_fine_frame, _REST_TIME)
         self._notice_timer = single_shot(self, self._show_running, _NOTICE_DELAY)
@@ -90,7 +92,7 @@ class Director(QObject):
             camera_view=self._view.camera_view if is_same_scene else None,
         )
         self._follows_camera = False
-        self._is_cancelling = False
+        self._is_cancelling = self._was_cancelled = False
         self._engine.request(self._last_request)
         if not self._notice_timer.isActive():
             self._notice_timer.start()
@@ -177,6 +179,8 @@ class Director(QObject):
         if moving and self._follows_camera and self._engine.busy:
             self._follows_camera, self._was_superseded = False, True
             self._engine.cancel()
+        elif self._was_cancelled:
+            pass  # the message about it has changed the size of the view: do not run again
         elif not moving and frame is not None and self._view.needs_new_frame(frame):
             is_animating = self.is_dragging or self._times.playing or self.swing is not None
             requested_view = (
@@ -278,7 +282,7 @@ class Director(QObject):
         frame, request = self._view.frame, self._last_request
         if not self._is_cancelling or request is None:
             return
-        self._is_cancelling = False
+        self._is_cancelling, self._was_cancelled = False, True
         if frame is None or frame.generation != request.generation:
             self.run_cancelled.emit("there is no picture of this scene yet")
         elif (frame.values, frame.time) != (request.values, request.time):

@@ -250,6 +250,7 @@ def _follow_limits(
     for _ in range(_MAX_BALANCING):
         if left <= MAX_RESIDUAL:
             return z
+        system.report()  # may raise, to cancel
         system.follow(z)
         try:
             solve = system.factorise_unsymmetric(system.add_shift(system.tangent(states)))
