@@ -50,6 +50,7 @@ def test_only_large_blocks_use_several_threads():
     assert taken() == {"numpy": {2}, "scipy": {2}}
 
 
+@pytest.mark.nightly
 def test_a_large_problem_is_solved_by_one_thread_between_large_blocks():
     """Two threads of each library took half as long again as one for 95,000 unknowns."""
     points, tetrahedra = build_lattice((0, 1, 0, 1, 0, 0.05), (92, 92, 1))

@@ -212,7 +212,12 @@ end_header
         ("a.ply", b"ply\nformat ascii 1.0\n", ["header", "Write the file again"]),
         ("a.ply", b"", ["the file is empty"]),
         ("a.stl", b"\x00\x01\x02\xff", ["truncated", "Write the file again"]),
-        ("a.vtu", b"\x00\x01\x02\xff", ["damaged", "Write the file again"]),
+        pytest.param(
+            "a.vtu",
+            b"\x00\x01\x02\xff",
+            ["damaged", "Write the file again"],
+            marks=pytest.mark.nightly,
+        ),
         ("a.obj", b"\x00\x01\x02\xff", ["no points"]),
         ("a.glb", b"\x00\x01\x02\xff", ["not a binary glTF"]),
         ("a.vtk", b"\x00\x01\x02\xff", ["not a legacy .vtk file"]),
@@ -247,9 +252,10 @@ def test_a_message_names_a_damaged_file_once(
     [
         ("[object]\nfile = 'a.vtu'", ["object.file: ", "a.vtu: damaged"]),
         ("[object]\nfile = '.'", ["object.file: ", "a folder"]),
-        (
+        pytest.param(
             "[object]\nfile = 'a.bin'",
             ["object.file: ", "a.bin: the ending is not that of a mesh", ".stl"],
+            marks=pytest.mark.nightly,
         ),
         ("[object]\nfile = 'tri.ply'\ntexture = 'a.vtu'", ["object.texture: ", "not a picture"]),
         ("[weave]\ndraft = '.'", ['weave.draft = "', "a folder", "(.wif, "]),

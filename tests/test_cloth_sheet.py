@@ -180,6 +180,7 @@ def test_a_sheet_shows_the_values_of_each_crossing(monkeypatch: pytest.MonkeyPat
     assert np.abs(fine[0][0] - fine[1][0]).max() > 12  # the faces differ
 
 
+@pytest.mark.nightly
 def test_a_sheet_moves_with_a_carved_cage(monkeypatch: pytest.MonkeyPatch) -> None:
     # Such an open net that none of the sheet's corners is in a hexahedron with a yarn in it.
     apart = {"warp_spacing": 3e-3, "weft_spacing": 3e-3, "warp_diameter": 3e-4}
@@ -213,6 +214,7 @@ def test_visible_yarns_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert given.sheet is None  # who says how many facets gets them
 
 
+@pytest.mark.nightly
 def test_clearances_on_few_facets_cause_a_warning() -> None:
     view = {"color": "clearance"}
     _, few = draw({"ends": 9, "picks": 9}, 90, view=view)

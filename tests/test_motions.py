@@ -33,9 +33,8 @@ def moved(scene: Scene, time: float = 0.012) -> Any:
     return array_of(scene.deformed_cage.GetPointData(), "displacement", "a test").copy()
 
 
-@pytest.mark.parametrize(
-    "begin", [pytest.param("response", marks=pytest.mark.nightly), "transient"]
-)
+@pytest.mark.nightly
+@pytest.mark.parametrize("begin", ["response", "transient"])
 def test_motion_equals_that_of_a_scene_file(begin: str) -> None:
     scene = Scene({**CAGE, begin: SHARED})
     given = require_loads(scene)

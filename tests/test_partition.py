@@ -95,7 +95,9 @@ def test_representative_parts_contain_each_local_weave(monkeypatch):
     assert representative_parts(varied, 3000)[1].max() + 1 == 14 + 3 * (2 + 2)
 
 
-@pytest.mark.parametrize("section", ["circular", "racetrack"])
+@pytest.mark.parametrize(
+    "section", ["circular", pytest.param("racetrack", marks=pytest.mark.nightly)]
+)
 def test_refinement_never_drops_the_nearest_place(monkeypatch, section):
     rng = np.random.default_rng(5)
     warp, weft = (

@@ -162,6 +162,7 @@ def test_half_black_and_half_white_is_188_of_255(
     np.testing.assert_allclose(codes_of(both), codes_of(0.5 * (white + black)), atol=2.5)
 
 
+@pytest.mark.nightly
 def test_a_cloth_of_few_thin_yarns_has_exact_means() -> None:
     # Yarn by yarn it would take no time, but has edges that are averaged as sRGB values.
     _, seen = draw((60, 60), {}, ends=31, picks=31)

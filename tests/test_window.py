@@ -210,6 +210,7 @@ def test_window_responds_during_a_run_that_can_be_cancelled(open_window: Any) ->
     wait_until(lambda: settled(window))
 
 
+@pytest.mark.nightly
 def test_window_can_be_closed_during_a_run(open_window: Any) -> None:
     window = open_window(wait=False)
     window.document.set("modal", "modes", 400)

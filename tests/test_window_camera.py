@@ -36,6 +36,7 @@ def test_every_camera_preset_gives_another_picture(open_scene: Any) -> None:
     assert np.abs(image(window) - pictures[-1]).max() > 60
 
 
+@pytest.mark.nightly
 def test_face_camera_has_no_perspective(open_scene: Any) -> None:
     window = open_scene(str(library.folder() / "drafts" / "twill_2_2.wif"))
     camera, parallel = window.view.canvas.camera, window.tools.orthographic

@@ -348,6 +348,7 @@ def test_drawdown_has_the_orientation_of_the_cloth(draft_of: Any, qtbot: Any, tw
             assert (seen.family, seen.number) == ((0, cell.x) if over else (1, cell.y))
 
 
+@pytest.mark.nightly
 def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     before = executions(window)
@@ -360,6 +361,7 @@ def test_hovering_and_zooming_run_no_stage(draft_of: Any, qtbot: Any, twill: Pat
     assert executions(window) == before
 
 
+@pytest.mark.nightly
 def test_draft_tab_explains_that_a_mesh_has_no_draft(draft_of: Any) -> None:
     window = draft_of(next(library.folder().rglob("*.ply")))
     assert "not woven" in window.draft.placeholder.text()

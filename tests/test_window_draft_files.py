@@ -110,6 +110,7 @@ def save_draft(window: Any, qtbot: Any, monkeypatch: pytest.MonkeyPatch, file: P
     assert read_wif(file).loom == window.draft.grid.shown.loom
 
 
+@pytest.mark.nightly
 def test_edited_draft_is_shown_by_its_original_name(
     draft_of: Any, qtbot: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

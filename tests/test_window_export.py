@@ -108,6 +108,7 @@ def test_exported_picture_of_any_shape_is_filled(
     assert max(shares) == pytest.approx(max(seen), abs=0.02)
 
 
+@pytest.mark.nightly
 def test_exported_picture_contains_at_least_the_zoomed_view(open_scene: Any) -> None:
     window = open_scene()
     window.tools.cameras["front"].trigger()
@@ -269,7 +270,7 @@ def test_cancelled_film_leaves_no_file(
     assert window.errors.text == ""
 
 
-@pytest.mark.parametrize("encoder", [True, False])
+@pytest.mark.parametrize("encoder", [pytest.param(True, marks=pytest.mark.nightly), False])
 def test_film_without_an_encoder_is_neither_proposed_nor_started(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, encoder: bool
 ) -> None:
@@ -508,6 +509,7 @@ def test_process_that_does_not_start_is_reported(
     assert [path.name for path in folder.iterdir()] == ["picture.png"]
 
 
+@pytest.mark.nightly
 def test_typed_size_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
     window, seen = open_scene(), []
 

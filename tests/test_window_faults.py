@@ -76,6 +76,7 @@ def test_table_of_modes_shows_the_damping_in_use(open_scene: Any) -> None:
     assert table.item(0, 2).text() == "0.050"
 
 
+@pytest.mark.nightly
 def test_refused_value_without_effect_can_be_corrected(open_scene: Any) -> None:
     window = open_scene()
     window.stages.select("modal")
@@ -94,7 +95,7 @@ def test_refused_value_without_effect_can_be_corrected(open_scene: Any) -> None:
     assert not thickness.isVisible()
 
 
-@pytest.mark.parametrize("answer", ["Yes", "No"])
+@pytest.mark.parametrize("answer", ["Yes", pytest.param("No", marks=pytest.mark.nightly)])
 def test_name_without_an_ending_asks_before_overwriting(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str
 ) -> None:
@@ -128,6 +129,7 @@ def test_scene_with_another_file_ending_opens(tmp_path: Path) -> None:
     assert Scene.read(file).source.ends == 4
 
 
+@pytest.mark.nightly
 def test_leaving_the_time_field_unchanged_keeps_the_time(open_scene: Any) -> None:
     window = open_scene()
     window.times.go_to(1 / 30)

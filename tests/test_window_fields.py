@@ -115,6 +115,7 @@ def test_pattern_can_be_painted_with_the_mouse(open_scene: Any) -> None:
     assert pattern.grid.repeat.shape == (3, 5)
 
 
+@pytest.mark.nightly
 def test_swatch_opens_a_dialog_with_its_colour(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -433,6 +434,7 @@ def test_undo_first_restores_a_refused_value(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
+@pytest.mark.nightly
 def test_vector_field_is_valid_only_when_all_components_are(open_scene: Any) -> None:
     window = open_scene("gust")
     gravity = editor(window, "response", "gravity")
@@ -454,6 +456,7 @@ def test_vector_field_is_valid_only_when_all_components_are(open_scene: Any) -> 
     assert window.errors.text == ""
 
 
+@pytest.mark.nightly
 def test_value_refused_by_a_run_stays_marked_until_changed(open_scene: Any) -> None:
     window = open_scene()
     window.document.set("weave", "warp_diameter", "1.9 mm")

@@ -80,6 +80,7 @@ def test_mesh_opens_as_a_scene(open_scene: Any) -> None:
     assert window.document.values["object"]["file"] == str(mesh.resolve())
 
 
+@pytest.mark.nightly
 def test_object_shows_its_texture(open_scene: Any, tmp_path: Path) -> None:
     squares = np.zeros((64, 64, 3), np.uint8)
     squares[:, :32] = 230, 20, 20
@@ -167,6 +168,7 @@ def test_shown_time_is_saved(open_scene: Any, tmp_path: Path) -> None:
     assert "# half a swing" in file.read_text()
 
 
+@pytest.mark.nightly
 def test_undo_of_a_reset_restores_the_comment(open_scene: Any) -> None:
     window = open_scene()
     before = window.document.text

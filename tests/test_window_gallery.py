@@ -61,6 +61,7 @@ def test_starting_without_a_scene_shows_plain_weave_and_the_gallery(open_window:
         assert len(colors) > 20
 
 
+@pytest.mark.nightly
 def test_starting_with_a_scene_shows_the_modes_tab(open_window: Any) -> None:
     window = open_window("gust")
     assert window.tabs.currentWidget() is window.modes
@@ -96,6 +97,7 @@ def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
     assert window.errors.text == ""
 
 
+@pytest.mark.nightly
 def test_opening_a_scene_asks_about_unsaved_changes(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,6 +110,7 @@ def test_opening_a_scene_asks_about_unsaved_changes(
     assert window.document.scene.source.ends == 5
 
 
+@pytest.mark.nightly
 def test_recent_files_are_listed(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene(None)
     assert window.gallery.recent.isHidden()

@@ -147,6 +147,7 @@ def test_w_switches_the_wireframe(view_of: Any, hand: Press) -> None:
     wait_until(lambda: np.abs(image(window) - before).max() < 8)
 
 
+@pytest.mark.nightly
 def test_plus_and_minus_change_the_line_width_of_the_scene(view_of: Any, hand: Press) -> None:
     window = view_of()
     document = window.document

@@ -172,6 +172,7 @@ def test_run_for_the_view_is_cancelled_when_the_camera_moves(
     wait_until(lambda: at_rest(window) and view.frame is not frame)
 
 
+@pytest.mark.nightly
 def test_fewer_facets_are_drawn_while_the_camera_moves(
     open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

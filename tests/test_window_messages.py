@@ -167,7 +167,7 @@ def wait_without_window(done: Callable[[], bool]) -> None:
         time.sleep(0.01)
 
 
-@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("alone", [pytest.param(True, marks=pytest.mark.nightly), False])
 def test_undo_includes_the_waiting_change_of_a_drag(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch, alone: bool
 ) -> None:

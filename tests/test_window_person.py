@@ -73,6 +73,7 @@ def test_letters_typed_into_a_field_are_no_shortcuts(open_scene: Any, qtbot: Any
     assert not window.times.playing
 
 
+@pytest.mark.nightly
 def test_enter_focuses_the_view_and_tab_continues_from_the_field(
     open_scene: Any, qtbot: Any
 ) -> None:

@@ -79,6 +79,7 @@ def test_cloth_follows_the_mouse_and_yarns_keep_their_length(open_scene: Any) ->
     assert pad.stretch == (1.0, 1.0)
 
 
+@pytest.mark.nightly
 def test_keys_move_the_point_and_a_jam_is_reported(open_scene: Any) -> None:
     window = open_scene()
     pad = show_map(window)

@@ -241,6 +241,7 @@ def test_picked_points_are_listed_and_move_with_the_cloth(open_scene: Any) -> No
     assert lists[-1] == []
 
 
+@pytest.mark.nightly
 def test_point_of_an_object_can_be_picked(open_scene: Any) -> None:
     window = open_scene("animal_in_carved_cage")
     widget = window.view.canvas

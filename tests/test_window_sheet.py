@@ -171,6 +171,7 @@ def test_hang_button_switches_the_equilibrium(open_scene: Any, strip: Path) -> N
         assert "hang" not in window.document.values["modal"]
 
 
+@pytest.mark.nightly
 def test_hang_uses_the_gravity_of_the_motion(open_scene: Any, strip: Path) -> None:
     strip.write_text(
         STRIP.replace("gravity = [0, 0, -9.80665]", "") + "[response]\ngravity = [0, -1.6, 0]\n"

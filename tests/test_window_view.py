@@ -221,6 +221,7 @@ def test_cut_yarn_is_solid(open_scene: Any, color: str) -> None:
         look.BackfaceCullingOn()
 
 
+@pytest.mark.nightly
 def test_cut_face_follows_the_mouse(open_scene: Any) -> None:
     window = open_scene()
     view = window.view

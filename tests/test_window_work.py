@@ -87,6 +87,7 @@ def test_recent_files_can_be_opened(open_scene: Any, tmp_path: Path) -> None:
     assert [Path(name).stem for name in window.files.recent] == ["a"]
 
 
+@pytest.mark.nightly
 def test_file_dropped_on_the_view_opens_after_asking(
     open_scene: Any, twill: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +175,7 @@ def test_every_shortcut_belongs_to_one_action(open_scene: Any) -> None:
         assert window.menus.actions[name].shortcut().toString() in keys
 
 
+@pytest.mark.nightly
 def test_window_can_be_narrow(open_scene: Any) -> None:
     window = open_scene()
     window.resize(950, 640)
