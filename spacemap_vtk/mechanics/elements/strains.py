@@ -53,8 +53,8 @@ class Strains(EnergyTerm):
 
     #: (E, n) Nodes of each of the E elements, as row numbers of the positions.
     nodes: Ints
-    #: (E, Q, s, n, n) Symmetric forms b of s strains at each of Q quadrature points; (1, …) if those
-    #: of all elements are equal.
+    #: (E, Q, s, n, n) Symmetric forms b of s strains at each of Q quadrature points; (1, …) if
+    #: those of all elements are equal.
     forms: Floats
     #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
     reference: Floats
