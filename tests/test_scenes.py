@@ -295,6 +295,7 @@ LONG = {
     "curtain",
     "curtain_on_rod",
     "double_weave",
+    "fold",
     "let_go",
     "lever_in_tetwild_cage",
     "squall",

@@ -39,8 +39,9 @@ def open_and_check(open_scene: Any, name: str) -> Any:
     assert after.std() > 15
     assert np.abs(after - before).max() > 60
     view = window.view
-    drawn = view.scene_view.surface.GetBounds()
-    np.testing.assert_allclose(drawn, view.frame.surface.GetBounds(), rtol=1e-6)
+    if view.frame.cloth is None:  # or it is drawn as a sheet of other facets
+        drawn = view.scene_view.surface.GetBounds()
+        np.testing.assert_allclose(drawn, view.frame.surface.GetBounds(), rtol=1e-6)
     return window
 
 
@@ -48,7 +49,7 @@ def open_and_check(open_scene: Any, name: str) -> Any:
 SLOW_KINDS = (
     *("animal_in_carved_cage", "cantilever_test", "catenary", "drape", "lever_in_tetwild_cage"),
     *("double_weave", "handweaving", "overhang", "swing", "tablecloth", "yarn_tension"),
-    "yarn_to_cloth",
+    *("fold", "yarn_to_cloth"),
 )
 #: Slow scenes of kinds that have a faster one.
 SLOW_SCENES = ("arm", "curtain", "curtain_on_rod")
