@@ -24,7 +24,7 @@ from spacemap_vtk.datasets.modal_model import (
     add_sheet,
     add_terms,
 )
-from spacemap_vtk.errors import InputError, add_key_to_errors
+from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
@@ -381,8 +381,11 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         """Return the state where the equilibrium begins, and displacements of the obstacles."""
         start = None
         if self.start is not None:
-            with add_key_to_errors("start"):
+            try:
                 start = read_rest_state(self.start, model.points, count_anchors(model))
+            except SpacemapError as error:
+                error.key = "start"  # readers name their own parameter
+                raise
         if not any(obstacle.path for obstacle in self.obstacles):
             return start, None
         path = divide_path([obstacle.path or () for obstacle in self.obstacles], self.path_steps)

@@ -38,7 +38,7 @@ _SHAFT = 0.3
 #: An arrow that is nearly along the line of sight, within this sine, cannot be dragged.
 _END_ON = 0.15
 #: Digits of the size of the cage to which places and radii are rounded.
-_DIGITS = 1e-4
+_DIGITS = 1e-3
 
 #: The parts besides the arrows, which are 0, 1 and 2.
 CENTER, RADIUS = "center", "radius"
