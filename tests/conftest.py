@@ -131,10 +131,12 @@ def kept_modes(no_cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPACEMAP_CACHE", os.environ.get("SPACEMAP_TESTS_CACHE", "off"))
 
 
-#: What takes longest comes first: so no worker is left with it when the others are done.
+#: What takes longest, or waits for other processes, comes first: so no worker is left with it when
+#: the others are done.
 _SLOW = (
     *("test_paraview", "test_scenes", "test_mpi", "test_site", "test_contributing", "test_cages"),
-    *("test_window_export", "test_window_files", "test_window_lives"),
+    *("test_serve", "test_html", "test_killed", "test_study", "test_calculix_transient"),
+    *("test_window_export", "test_window_files", "test_window_lives", "test_window_walk_engineer"),
 )
 
 
