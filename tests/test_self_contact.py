@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,14 @@ import pytest
 from scipy.optimize import brentq
 from test_contact import LENGTH, PLATE, WIDTH, middle, rest
 from test_contact_steps import MASS, drift, motion_of
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from spacemap_vtk import LayerContact, ModalSolver, TetraCage, WeaveSource, connect
 from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import add_array, points_of
 from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.mechanics.contact import self_contact
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, contact_stiffness
@@ -25,6 +32,8 @@ from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import assemble_tangent
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.geometry.point_clearance import point_clearances
 
 has_library = pytest.mark.skipif(
     importlib.util.find_spec("ipctk") is None, reason="ipctk is not installed"
@@ -188,3 +197,91 @@ def test_solids_that_should_touch_themselves_are_refused() -> None:
     solver = ModalSolver(elements="tetrahedra")
     with pytest.raises(InputError, match="only a sheet can touch itself"):
         connect(WeaveSource(), TetraCage(), LayerContact(), solver).update()
+
+
+SCENE = """
+[weave]
+pattern = "plain"
+ends = 40
+picks = 4
+warp_spacing = "0.5 mm"
+weft_spacing = "0.5 mm"
+warp_diameter = "0.24 mm"
+weft_diameter = "0.24 mm"
+
+[cage]
+divisions = [20, 1, 1]
+"""
+
+
+def fold_scene(folder: Path, gap: float, rest: str) -> Scene:
+    """Write a cage whose end is folded back, its mid-surfaces some thicknesses apart."""
+    (folder / "flat.toml").write_text(SCENE, encoding="utf-8")
+    flat = Scene.read(folder / "flat.toml")
+    flat.cage.update()
+    cage, cloth = flat.cage.output, flat.woven.cloth  # type: ignore[union-attr]
+    points = points_of(cage).astype(np.float64)
+    along = points[:, 0] - points[:, 0].min()
+    length, thickness = np.ptp(along), 2 * cloth.level + cloth.sheet_thickness
+    turned = np.where(along < 0.5 * length, 0.0, math.pi)
+    above = points[:, 2] - points[:, 2].mean()
+    # The middle cell is left out of the fold: all others lie flat.
+    moved = np.zeros(points.shape)
+    upper = turned > 0
+    moved[upper, 0] = length - 2 * along[upper]
+    moved[upper, 2] = gap * thickness - 2 * above[upper]
+    state = vtkUnstructuredGrid()
+    state.CopyStructure(cage)
+    add_array(state.GetPointData(), "displacement", moved)
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(str(folder / "state.vtu"))
+    writer.SetInputData(state)
+    assert writer.Write() == 1
+    (folder / "scene.toml").write_text(rest, encoding="utf-8")
+    return Scene.read(folder / "scene.toml")
+
+
+def test_yarns_of_layers_that_lie_flat_on_each_other_do_not_overlap(tmp_path: Path) -> None:
+    """Where the mid-surfaces are as far apart as contact lets them come."""
+    weave = SCENE.split("[cage]")[0]
+    scene = fold_scene(tmp_path, 1.0, weave + '[motion]\nfile = "state.vtu"\n')
+    scene.update(0.0)
+    points = points_of(scene.polygons).astype(np.float64)
+    moved = vtk_to_numpy(scene.polygons.GetPointData().GetArray("displacement"))
+    normals = vtk_to_numpy(scene.polygons.GetPointData().GetNormals())
+    rest = points[:, 0] - moved[:, 0]
+    width = 0.5e-3 * 2
+    flat = abs(rest - rest.mean()) > 2 * width
+    layer = (rest[flat] > rest.mean()).astype(int)
+    found = point_clearances(points[flat], normals[flat], layer, reach=2e-5)
+    assert -1e-3 * 0.24e-3 < found.min() < 0.05 * 0.24e-3
+
+
+@has_library
+@pytest.mark.parametrize("part", ["equilibrium", "steps"])
+def test_a_scene_whose_start_overlaps_is_refused_with_its_place(
+    part: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    modal = '[contact]\nself = true\n[modal]\nelements = "sheet"\nfixed = "-x"\nmodes = 1\n'
+    cage, more, *command = {
+        "equilibrium": (
+            "divisions = [20, 1, 1]",
+            'gravity = [0, 0, -9.81]\nstart = "state.vtu"\n',
+            "modes",
+        ),
+        "steps": (
+            'method = "file"\nfile = "state.vtu"',
+            '[transient]\ninitial_displacement_array = "displacement"\n',
+            *("render", "-o", str(tmp_path / "a.png")),
+        ),
+    }[part]
+    weave = SCENE.split("divisions")[0]
+    fold_scene(tmp_path, 0.5, weave + cage + "\n" + modal + more)
+    with pytest.raises(SystemExit) as stopped:
+        main([*command, str(tmp_path / "scene.toml"), "-q"])
+    code = stopped.value.code
+    del stopped  # its traceback holds the stages
+    assert code == 2
+    shown = " ".join(capsys.readouterr().err.split())
+    assert re.search(r"overlaps itself at \(.*\) m: its layers are 0.000\d+ m apart", shown)
+    assert "allowed: at least 0.00048 m between mid-surfaces" in shown
