@@ -78,13 +78,22 @@ class Strains(EnergyTerm):
         return squares - self.reference, gradients
 
     def second_order_strains(self, positions: Floats) -> tuple[Floats, Floats]:
-        """Compute ½ z b z, (E, Q, s), the second-order part of the strain of a move z, and G."""
-        z = positions[self.nodes]
+        """Compute ½ z b z, (E, Q, s), the second-order part of the strain of a move z, and b z."""
+        gradients = self.spins(positions)
         elements, nodes = self.nodes.shape
-        gradients = self.forms.reshape(len(self.forms), -1, nodes) @ z
-        gradients = gradients.reshape(elements, *self.forms.shape[1:4], 3)
-        flat = gradients.reshape(elements, -1, 3 * nodes) @ z.reshape(elements, -1, 1)
+        z = positions[self.nodes].reshape(elements, -1, 1)
+        flat = gradients.reshape(elements, -1, 3 * nodes) @ z
         return 0.5 * flat.reshape(self.reference.shape), gradients
+
+    def gradients(self, positions: Floats) -> Floats:
+        """Compute G = ∂ε/∂z at positions (V, 3), (E, Q, s, n, 3)."""
+        return self.spins(positions)
+
+    def spins(self, move: Floats) -> Floats:
+        """Compute b z, the change of G with a move z (V, 3), (E, Q, s, n, 3)."""
+        elements, nodes = self.nodes.shape
+        found = self.forms.reshape(len(self.forms), -1, nodes) @ move[self.nodes]
+        return found.reshape(elements, *self.forms.shape[1:4], 3)
 
     def energy(self, positions: Floats) -> float:
         """Compute W = ½ Σ εᵀ C ε [J]."""
@@ -251,8 +260,11 @@ class BaseSprings(Strains):
     def strains_and_gradients(self, positions: Floats) -> tuple[Floats, Floats]:
         """Compute displacements, (E, 1, 3), and their constant gradients, (E, 1, 3, n, 3)."""
         moved = np.einsum("en,enk->ek", self.weights, positions[self.nodes])
-        slopes = np.einsum("en,sk->esnk", self.weights, np.eye(3))
-        return moved[:, None] - self.reference, slopes[:, None]
+        return moved[:, None] - self.reference, self.gradients(positions)
+
+    def gradients(self, positions: Floats) -> Floats:
+        """Compute the constant gradients, (E, 1, 3, n, 3)."""
+        return np.einsum("en,sk->esnk", self.weights, np.eye(3))[:, None]
 
     def resistance_matrices(self) -> Floats:
         """Compute a matrix of each spring that is zero for moves which it does not resist."""

@@ -361,8 +361,8 @@ class GaussIntegrator:
         found = []
         for part in parts:
             kind = part.kind
-            slopes = [kind.strains_and_gradients(place)[1] for place in places]
-            spins = [kind.second_order_strains(flow)[1] for flow in flows]
+            slopes = [kind.gradients(place) for place in places]
+            spins = [kind.spins(flow) for flow in flows]
             rates = [kind.strain_changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
             stress = [
                 kind.stresses(
@@ -377,30 +377,40 @@ class GaussIntegrator:
 
     def _slopes(self, stage: _ElementStages, span: float, i: int, k: int) -> Floats:
         """Compute the derivative of ε + β ε̇ at stage i with respect to the move to stage k."""
+        first, second, spin = self._slope_shares(span, i, k)
+        result: Floats = first * stage.slopes[0]
+        result += second * stage.slopes[1]
+        result += spin * stage.spins[k]
+        return result
+
+    def _slope_shares(self, span: float, i: int, k: int) -> tuple[float, float, float]:
+        """Compute the factors of G at both stages and of the spin at stage k in `_slopes`."""
         mixed = _A[i, :] * _INVERSE[:, k]
         mixed[i] += self.beta / span * _INVERSE[i, k]
-        turning = span * _A[i, k] + (self.beta if i == k else 0.0)
-        result: Floats = mixed[0] * stage.slopes[0]
-        result += mixed[1] * stage.slopes[1]
-        result += turning * stage.spins[k]
-        return result
+        return mixed[0], mixed[1], span * _A[i, k] + (self.beta if i == k else 0.0)
 
     def _predict_stress(
         self, stages: list[_ElementStages], change: Floats, span: float
     ) -> list[list[Floats]]:
         """Predict the stress at the stages after a correction, to first order."""
         moved = [self.system.node_moves(part) for part in change]
-        return [
-            [
-                stage.stress[i]
-                + kind.stresses(
-                    kind.strain_changes(self._slopes(stage, span, i, 0), moved[0])
-                    + kind.strain_changes(self._slopes(stage, span, i, 1), moved[1])
-                )
-                for i in range(2)
+        found = []
+        for kind, stage in zip(self._kinds, stages, strict=True):
+            # Changes of strain that the move to stage k causes by G₁, G₂ and the spin at stage k.
+            parts = [
+                [kind.strain_changes(g, moved[k]) for g in (*stage.slopes, stage.spins[k])]
+                for k in range(2)
             ]
-            for kind, stage in zip(self._kinds, stages, strict=True)
-        ]
+            predicted = []
+            for i in range(2):
+                strain = np.zeros_like(stage.stress[i])
+                for k in range(2):
+                    shares = self._slope_shares(span, i, k)
+                    for share, part in zip(shares, parts[k], strict=True):
+                        strain += share * part
+                predicted.append(stage.stress[i] + kind.stresses(strain))
+            found.append(predicted)
+        return found
 
     def _factorise(
         self,
