@@ -60,7 +60,8 @@ def factorise(
 def factorise_square(matrix: sp.csr_matrix, mirrored: Floats, analysis: Analysis) -> Solve | None:
     """Factorise an unsymmetric matrix of a symmetric pattern; None if it is singular."""
     # `mirrored` are the values at the mirror image of the matrix's entries.
-    loops = analysis.past_work.count(2 * analysis.entries)
+    # Instead of SuperLU, loops save about eight times as much as for a symmetric matrix.
+    loops = analysis.past_work.count(8 * analysis.entries)
     try:
         if loops is None:
             return _superlu(matrix, analysis)
