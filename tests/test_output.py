@@ -135,6 +135,7 @@ OWN_WRITERS = {
     "draw/raytrace.py": {"_shapes": {"open", "np.savetxt"}},
     "io/formats/usd.py": {"write_usd": {"layer.Export"}},
     # in memory
+    "app/documents/draft_versions.py": {"add_state": {"writer.Write"}},
     "app/web/screen.py": {"picture": {"image.save"}},
     "io/formats/pictures.py": {
         "write_picture": {"Image.fromarray(image).save"},

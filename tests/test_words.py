@@ -41,7 +41,9 @@ def american(line: str) -> list[str]:
 
 
 FILES = [
-    *(ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "scenes").glob("*.[tm][od]*")),
+    *(ROOT / "README.md", *(ROOT / "scenes").glob("*.[tm][od]*")),
+    # Without the pages that the site's build makes of the texts below.
+    *(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "made"),
     *(ROOT / "pipelines").rglob("*.py"),
     *(ROOT / "spacemap_vtk").rglob("*.py"),
 ]
