@@ -187,6 +187,17 @@ def test_start_that_overlaps_is_refused_with_its_place() -> None:
         motion_of(model, displacement=moved)
 
 
+@has_library
+def test_cells_whose_diagonal_would_touch_a_corner_are_refused() -> None:
+    """A corner of a square of 1 mm is 0.707 mm from it; contact reaches 1.5 thicknesses."""
+    points, tetrahedra = build_lattice((0, 1e-2, 0, 1e-2, 0, 1e-4), (10, 10, 1))
+    surface = find_mid_surface(points, tetrahedra)
+    assert surface is not None
+    assert SelfContact(points, surface, 0.46e-3, 1e6).energy(points) == 0.0
+    with pytest.raises(InputError, match=r"a corner is 0.000707 m away from the diagonal"):
+        SelfContact(points, surface, 0.48e-3, 1e6)
+
+
 def test_missing_library_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ipctk", None)
     with pytest.raises(MissingLibraryError, match=r"spacemap_vtk\[contact\]"):

@@ -84,9 +84,15 @@ class SelfContact(EnergyTerm):
         self._edges, self._faces = edges, faces
         self._reach = REACH * thickness
         sides = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
-        if sides.min() <= thickness + self._reach:
+        # Parts of a flat sheet that do not meet must be out of reach: a corner, and the diagonal.
+        doubled = np.linalg.norm(_face_normals(rest, faces), axis=1)
+        corners = rest[faces]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        nearest = float((doubled / longest).min())
+        if nearest <= thickness + self._reach:
             raise InputError(
-                f"cells of {sides.min():.3g} m are too narrow for contact of layers",
+                "cells are too narrow for contact of layers: a corner is "
+                f"{nearest:.3g} m away from the diagonal",
                 allowed=f"above {thickness + self._reach:.3g} m",
                 cure="Use fewer divisions of the cage",
             )

@@ -216,7 +216,9 @@ class MeshPencil(Pencil):
             found = stiffness_matrix(self.assembly, self.material[0])
         if not self.other_terms:
             return found
-        return found + _assemble_at_rest(self.other_terms, positions)
+        others = _assemble_at_rest(self.other_terms, positions)
+        # A sum drops entries that are zero, which keep the parts of a flat sheet together.
+        return found + others if others.count_nonzero() else found
 
     @cached_property
     def full_mass(self) -> csr_matrix:
