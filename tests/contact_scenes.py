@@ -136,10 +136,27 @@ def a_strip_on_itself(scene: Scene) -> None:
     assert (height, bent.max(), slope.max()) == pytest.approx(heavy_loop(gap), rel=2e-3)
 
 
+def a_cloth_that_falls(scene: Scene) -> None:
+    stage = scene.stage("mover")
+    stage.update(scene.view.time)
+    motion, ball = stage.motion, scene.modal.obstacles[0]
+    free = motion.at_time(0.05)[0][:, 2]  # the ball is 30 mm below, which takes 78 ms
+    assert free == pytest.approx(-GRAVITY * 0.05**2 / 2, rel=1e-6)
+    _, _, kinetic, strain, dissipated, work = motion.states[:, :6].T
+    assert kinetic + strain + dissipated - work == pytest.approx(0.0, abs=1e-8 * work.max())
+    assert strain.max() > 1e-3 * work.max()  # it has hit the ball
+    for time in np.linspace(0.08, scene.view.time, 6):
+        middles = (motion.points + motion.at_time(time)[0]).reshape(2, -1, 3).mean(axis=0)
+        away = np.linalg.norm(middles - np.array(ball.center), axis=1)
+        # The springs of coarse cells are soft.
+        assert away.min() > 0.95 * ball.radius
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "arm": a_napkin_over_an_arm,
     "capstan": a_strip_over_a_drum,
     "curtain_on_rod": a_curtain_on_a_rod,
+    "drop": a_cloth_that_falls,
     "fold": a_strip_on_itself,
     "overhang": a_strip_over_an_edge,
     "tablecloth": a_tablecloth,

@@ -280,6 +280,11 @@ SHORTER = {
     "drape": ("cage.divisions=[16,20,1]", *half_the_yarns(40, 50, "15 mm")),
     "pennant": ("cage.divisions=[10,2,1]", *half_the_yarns(35, 10, "20 mm")),
     "squall": ("cage.divisions=[4,8,1]", *half_the_yarns(30, 40, "20 mm")),
+    "drop": (
+        "cage.divisions=[8,8,1]",
+        'view.time="0.12 s"',
+        *half_the_yarns(75, 75, "4 mm"),
+    ),
     "fold": ("cage.divisions=[80,1,1]", *half_the_yarns(245, 32, "1.5 mm")),
     "let_go": ("cage.divisions=[4,12,1]", *half_the_yarns(20, 20, "20 mm")),
     "tablecloth": ("cage.divisions=[20,20,1]", *half_the_yarns(75, 75, "4 mm")),
