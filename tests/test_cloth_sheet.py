@@ -56,12 +56,13 @@ def reduced(image: NDArray[np.uint8], side: int) -> NDArray[np.float64]:
     return 255 * np.where(mean <= 0.0031308, 12.92 * mean, 1.055 * mean ** (1 / 2.4) - 0.055)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("weave", "camera"),
     [
-        pytest.param("satin", "front", marks=pytest.mark.nightly),
+        ("satin", "front"),
         ("twill", "three-quarter"),
-        pytest.param("plain", "three-quarter", marks=pytest.mark.nightly),
+        ("plain", "three-quarter"),
     ],
 )
 def test_a_sheet_has_the_mean_colours_of_its_yarns(

@@ -46,10 +46,16 @@ def blocks(kind: str, text: str = TEXT) -> list[str]:
 COMMANDS = [line for block in blocks("sh", TEXT + PLANS) for line in block.splitlines()]
 
 
+#: Words of commands that run nightly: test_scenes.py lays that cloth down; one plot is enough.
+SLOW = (" overhang", "--quantity")
+
+
 @pytest.mark.parametrize(
     "line",
-    # That cloth is laid down in test_scenes.py.
-    [pytest.param(each, marks=[pytest.mark.nightly] * (" overhang" in each)) for each in COMMANDS],
+    [
+        pytest.param(each, marks=[pytest.mark.nightly] * any(word in each for word in SLOW))
+        for each in COMMANDS
+    ],
 )
 def test_commands_of_the_documentation_run(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -306,6 +306,7 @@ LONG = {
     "squall",
     "swing",
     "tablecloth",
+    "yarn_to_cloth",
 }
 
 

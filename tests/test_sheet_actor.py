@@ -125,7 +125,8 @@ def test_far_cloth_has_the_mean_colour_of_near_cloth(
     np.testing.assert_allclose(means[1], means[0], atol=3.0)
 
 
-@pytest.mark.parametrize("pixels", [0.45, pytest.param(0.55, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("pixels", [0.45, 0.55])
 def test_fine_stripes_leave_no_moire(pixels: float, monkeypatch: pytest.MonkeyPatch) -> None:
     # Stripes of 2 to 2.2 pixels, in a picture that is rotated against them.
     monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)

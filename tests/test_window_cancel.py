@@ -108,6 +108,7 @@ def cancel_when_running(window: Any, stage: str) -> None:
     wait_until(lambda: not window.engine.busy and window.errors.text)
 
 
+@pytest.mark.nightly
 def test_cancelled_run_can_be_started_again(
     open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -77,6 +77,7 @@ def test_copied_command_draws_the_same_picture(
     assert np.abs(one.astype(int) - other).max() == 0
 
 
+@pytest.mark.nightly
 def test_copied_script_computes_the_points_of_the_window(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene("gust")
     change_a_lot(window)

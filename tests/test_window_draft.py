@@ -82,6 +82,7 @@ def test_drag_threads_several_ends_in_one_undo_step(draft_of: Any, qtbot: Any, t
     assert window.draft.grid.shown.loom.threading[7] == (4,)
 
 
+@pytest.mark.nightly
 def test_tie_up_treadling_and_second_marks_can_be_edited(
     draft_of: Any, qtbot: Any, twill: Path
 ) -> None:
@@ -105,6 +106,7 @@ def test_tie_up_treadling_and_second_marks_can_be_edited(
     assert window.document.text == before
 
 
+@pytest.mark.nightly
 def test_liftplan_and_treadles_weave_the_same_cloth(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     # The treadles are not pressed in order; they keep their numbers after both conversions.

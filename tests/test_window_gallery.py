@@ -199,7 +199,8 @@ def test_late_thumbnails_are_drawn_completely(open_window: Any) -> None:
     assert len(brown) > icon.height() // 4
 
 
-@pytest.mark.parametrize("ends", ["drawn", pytest.param("cancelled", marks=NIGHTLY)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("ends", ["drawn", "cancelled"])
 def test_slow_scene_shows_its_thumbnail_until_it_is_drawn(
     ends: str, open_window: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

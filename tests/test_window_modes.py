@@ -203,6 +203,7 @@ def test_arrow_keys_change_the_animated_mode(open_scene: Any) -> None:
     assert window.modes.mode is None
 
 
+@pytest.mark.nightly
 def test_mode_with_rotation_strain_rotates_by_ninety_degrees(
     open_scene: Any, tmp_path: Path
 ) -> None:

@@ -186,6 +186,7 @@ def test_hang_uses_the_gravity_of_the_motion(open_scene: Any, strip: Path) -> No
     assert not window.tools.hang.isEnabled()
 
 
+@pytest.mark.nightly
 def test_dead_load_can_be_added_and_has_no_time_function(open_scene: Any, strip: Path) -> None:
     window = open_scene(str(strip))
     window.stages.select("modal")

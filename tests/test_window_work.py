@@ -147,6 +147,7 @@ def test_every_kind_of_change_can_be_undone_and_redone(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
+@pytest.mark.nightly
 def test_next_window_restores_the_layout(open_window: Any) -> None:
     window = open_window()
     window.resize(1010, 707)

@@ -89,6 +89,7 @@ def arrays_of(stage: Stage | None) -> list[NDArray[np.float64]]:
     return [vtk_to_numpy(cells.GetArray(name)) for name in ("yarn", "crimp")]
 
 
+@pytest.mark.nightly
 def test_crossings_of_pieces_agree_with_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     # Yarns are as long as their crossings say from selvedge to selvedge: no part of them knows it.
     weave = {**VALUES["weave"], "warp_diameter": [2.5e-4, 2e-4, 3e-4]}
