@@ -225,6 +225,7 @@ def test_obstacles_have_cards_as_loads_have(open_scene: Any, count: int) -> None
     assert window.view.scene_view.bodies.GetVisibility()
     type_into(cards.cards[1].rows["friction"].editor.line, "0.4")
     assert window.document.scene.modal.obstacles[1].friction == 0.4
+    assert 'shape = "plane"' in window.document.text  # although that is the default
     wait_until(lambda: settled(window))
     _drag_handle(window, 1, 0)
     # Another shape keeps place and friction; a displacement brings its time function.

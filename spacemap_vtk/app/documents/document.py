@@ -430,16 +430,14 @@ class Document(QObject):
         if written is None:
             if key in there:
                 del there[key]
-        elif isinstance(there.get(key), AoT) and len(there[key]) == len(written):
+        elif isinstance(there.get(key), AoT) and len(there[key]) <= len(written):
             # Key by key, to keep the comments between the keys.
             declared: Any = self._scene.parts[section].parameters[key]
-            for table, wanted in zip(there[key], written, strict=True):
-                for name in [name for name in table if name not in wanted]:
-                    del table[name]
-                for name, value in wanted.items():
-                    parameter = declared.record.parameters.get(name)
-                    if name not in table or not self._is_same_value(table[name], value, parameter):
-                        table[name] = value
+            count = len(there[key])
+            for table, wanted in zip(there[key], written[:count], strict=True):
+                self._write_record(table, wanted, declared.record.parameters)
+            for added in written[count:]:
+                there[key].append(tomlkit.item(added))
         elif section in self._toml:
             self._toml[section][key] = written
         else:
@@ -448,6 +446,18 @@ class Document(QObject):
             long = self._toml[section][key]
             if isinstance(long, Array):
                 long.multiline(True)
+
+    def _write_record(self, table: Any, wanted: Mapping[str, Any], parameters: Any) -> None:
+        """Change a table to the values of a record; a default that it states stays."""
+        for name in [name for name in table if name not in wanted]:
+            parameter = parameters.get(name)
+            default = None if parameter is None else parameter.default
+            if default is None or not self._is_same_value(table[name], default, parameter):
+                del table[name]
+        for name, value in wanted.items():
+            parameter = parameters.get(name)
+            if name not in table or not self._is_same_value(table[name], value, parameter):
+                table[name] = value
 
     def _is_same_value(self, old: Any, new: Any, parameter: Any) -> bool:
         """Return whether a written value ("20 ms") equals an editor's value in SI units (0.02)."""

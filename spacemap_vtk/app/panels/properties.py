@@ -101,6 +101,7 @@ class Properties(QScrollArea):
         #: Name of the row that was edited last, or "" after another change.
         self._last_edited = ""
         self._limits_timer = single_shot(self, self._show_limits)
+        self._scroll_timer = single_shot(self, self._scroll_to_selected, 50)
         body = QWidget()
         column(body, self._page)
         self.setWidget(body)
@@ -196,8 +197,14 @@ class Properties(QScrollArea):
         """Select the card of an obstacle, if its page has been shown, or none."""
         if self._obstacles is not None:
             self._obstacles.select(number)
-            if number is not None:
-                self.ensureWidgetVisible(self._obstacles.cards[number])
+            self._scroll_timer.start()
+
+    def _scroll_to_selected(self) -> None:
+        """Scroll to the selected card, once its page is laid out."""
+        cards = [] if self._obstacles is None else self._obstacles.cards
+        for card in cards:
+            if card.property("selected"):
+                self.ensureWidgetVisible(card)
 
     def move_obstacle(self, number: int, changes: dict[str, Any]) -> None:
         """Change values of an obstacle whose handle the mouse has moved."""
