@@ -458,7 +458,10 @@ def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
     """A screen of 1280 x 720 pixels, or one of twice that at scale 2; its windows are smaller."""
     window = open_window()
     bar, tools = window.tabs.tabBar(), window.tools
+    ball = [{"shape": "sphere", "radius": "1 mm", "center": [0, 0, "-9 mm"]}]
     for width, height in ((1280, 720), (1260, 660), (1372, 800), (1600, 900)):
+        if width == 1600:
+            window.document.set("modal", "obstacles", ball)
         window.resize(width, height)
         wait_until(lambda: window.width() == width)  # noqa: B023
         QTest.qWait(50)
@@ -467,7 +470,10 @@ def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
             text = bar.fontMetrics().horizontalAdvance(bar.tabText(number))
             assert bar.rect().contains(place), (width, bar.tabText(number))
             assert text <= place.width(), (width, bar.tabText(number))
-        for action in tools.actions():
+        # The switch for obstacles is there only where there are any.
+        shown = [action for action in tools.actions() if action.isVisible()]
+        assert (tools.part_actions["obstacles"] in shown) == (width == 1600)
+        for action in shown:
             assert tools.widgetForAction(action).isVisible(), (width, action.text())
         assert not tools.findChild(QToolButton, "qt_toolbar_ext_button").isVisible()
 
