@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import pyvista as pv
+from test_every_format import usd_points
 
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import points_of
@@ -147,6 +149,24 @@ def test_the_ground_is_dark_under_the_cloth_and_does_not_move_the_camera() -> No
     )
 
 
+def test_mesh_whose_triangles_face_inwards_becomes_a_surface_that_faces_outwards(
+    tmp_path: Path,
+) -> None:
+    cube = pv.Cube(x_length=0.02, y_length=0.02, z_length=0.02).triangulate()
+    cube.flip_faces().save(tmp_path / "cube.ply")
+    obstacle = {"shape": "mesh", "file": str(tmp_path / "cube.ply"), "center": [0, 0, -0.05]}
+    solver = ModalSolver(obstacles=[obstacle], hang=False, modes=1)
+    connect(WeaveSource(), TetraCage(), solver).update()
+    ((_, surface),) = obstacle_surfaces(solver.output)
+    assert volume(surface) == pytest.approx(0.02**3, rel=1e-6)
+    away = surface.points - [0, 0, -0.05]
+    assert (np.einsum("nk,nk->n", away, surface.normals) > 0).all()
+    (term,) = solver._model.terms
+    assert term.obstacle.gap(np.array([[0, 0, -0.05], [0, 0, -0.03]])) == pytest.approx(
+        [-0.01, 0.01], abs=5e-4
+    )
+
+
 @pytest.mark.nightly
 def test_each_shape_has_a_surface_at_its_place(tmp_path: Path) -> None:
     pv.Sphere(radius=0.002, theta_resolution=20, phi_resolution=20).save(tmp_path / "ball.stl")
@@ -186,6 +206,47 @@ def test_files_that_show_a_scene_have_the_obstacles(tmp_path: Path) -> None:
         assert (read.length > 0.5) == (name != "without.ply"), name
     disc, ground = (part for _, part in obstacle_surfaces(scene.deformed_cage))
     assert faces["with.ply"] - faces["without.ply"] == len(disc.points) + len(ground.points)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cloth.obj",
+        *(pytest.param(f"cloth.{k}", marks=pytest.mark.nightly) for k in ("usdc", "html")),
+    ],
+)
+def test_other_files_that_show_a_scene_have_the_ground(name: str, tmp_path: Path) -> None:
+    reaches = []
+    for shown in (True, False):
+        job = make_data_job(tmp_path / name, "painted" if name == "cloth.obj" else "")
+        job.run(table(obstacles=shown))
+        reaches.append(_read_size(tmp_path / name))
+    # The cloth is 12 cm wide, the ground six times as wide as its half diagonal.
+    assert reaches[0] > 0.5
+    assert reaches[1] < 0.15
+
+
+def _read_size(file: Path) -> float:
+    """Return the width of what a file shows [m]."""
+    if file.suffix == ".html":  # its figures, as a page prints them
+        (width,) = re.findall(
+            r'"([\d.]+) \\u00d7 [\d.]+ \\u00d7 [\d.]+ mm"', file.read_text("utf-8")
+        )
+        return float(width) / 1000
+    points = usd_points(file) if file.suffix == ".usdc" else pv.read(file).points
+    return float(np.ptp(points[:, 0]))
+
+
+@pytest.mark.parametrize("ending", [".ply", ".stl"])
+def test_meshes_of_obstacles_are_those_of_the_stage(ending: str, tmp_path: Path) -> None:
+    scene = table()
+    make_data_job(tmp_path / f"table{ending}", "obstacles").run(scene)
+    found = pv.read(tmp_path / f"table{ending}")
+    parts = [part for _, part in obstacle_surfaces(scene.deformed_cage)]
+    assert found.n_cells == sum(len(part.triangles) for part in parts)
+    points = np.concatenate([part.points for part in parts])
+    ends = np.stack([points.min(axis=0), points.max(axis=0)])
+    assert pytest.approx(ends, abs=1e-6) == np.reshape(found.bounds, (3, 2)).T
 
 
 def test_surfaces_of_obstacles_are_written_by_themselves(tmp_path: Path) -> None:
