@@ -24,7 +24,7 @@ from spacemap_vtk.parallel import load_loops
 
 #: Number of entries of factors, over all factorisations, from which compiled loops save more time
 #: than their compiler takes to load.
-MANY_ENTRIES = 80_000_000
+MANY_ENTRIES = 120_000_000
 
 #: A subtree of at most this many vertices is one front: a dense block is faster than many small
 #: ones.
