@@ -391,6 +391,16 @@ def test_cloth_beside_its_obstacle_is_refused() -> None:
         rest(model)
 
 
+def test_cloth_that_slides_off_a_ball_is_refused_with_a_cure() -> None:
+    ball = Sphere(0.05, (0.03, 0, -0.06))
+    points, cells, terms = sheet((-0.1, 0.1, -0.1, 0.1), (6, 6), [ball])
+    free = np.zeros(points.shape, dtype=bool)
+    model = Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms)
+    with pytest.raises(SolverError, match="without friction it slides off") as error:
+        rest(model)
+    assert "friction" in str(error.value.cure)
+
+
 def test_terms_of_different_contact_have_different_digests() -> None:
     points, _, (term,) = sheet((0, 1, 0, 1), (4, 4), [Plane()], 0.3)
     others: list[EnergyTerm] = [

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.contact.layer_friction import LayerFriction
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact, Friction, ObstacleTerm
 from spacemap_vtk.mechanics.contact.self_contact import SelfContact
@@ -17,6 +18,9 @@ from spacemap_vtk.ndarrays import Floats, Progress
 
 #: A body lies on an obstacle if its distance from it is at most this share of its size.
 _LYING = 1e-6
+#: Largest number of steps of a search; and for a body that neither supports nor friction hold,
+#: which rests where it falls, or slides away for ever.
+_STEPS, _LOOSE_STEPS = 2400, 300
 #: The coarsest sheet has at least this number of unknowns.
 _FEWEST = 500
 
@@ -161,20 +165,34 @@ def settle_model(
     def to_positions(moved: Floats) -> Floats:
         return undeformed + (moved if surface is None else surface.to_nodes(moved))
 
-    result = settle(
-        [term for term in pencil.terms if not isinstance(term, ObstacleTerm | LayerFriction)],
-        [term.in_model_nodes(surface, factor) for term in obstacles],
-        pencil.basis.tocsr(),
-        undeformed,
-        [DeadLoad(load, undeformed)],
-        pencil.mass.diagonal(),
-        pencil.nodes.translate,
-        layers=[term.in_model_nodes(surface, factor) for term in layers],
-        guess=None if guess is None else to_positions(guess),
-        near=near,
-        released=None if released is None else to_positions(released),
-        progress=progress,
-    )
+    rubs = any(term.coefficient for term in obstacles) or any(term.coefficient for term in layers)
+    is_loose = not rubs and pencil.basis.shape[0] == pencil.basis.shape[1]
+    try:
+        result = settle(
+            [term for term in pencil.terms if not isinstance(term, ObstacleTerm | LayerFriction)],
+            [term.in_model_nodes(surface, factor) for term in obstacles],
+            pencil.basis.tocsr(),
+            undeformed,
+            [DeadLoad(load, undeformed)],
+            pencil.mass.diagonal(),
+            pencil.nodes.translate,
+            layers=[term.in_model_nodes(surface, factor) for term in layers],
+            guess=None if guess is None else to_positions(guess),
+            near=near,
+            released=None if released is None else to_positions(released),
+            progress=progress,
+            steps=_LOOSE_STEPS if is_loose else _STEPS,
+        )
+    except SolverError as error:
+        if not is_loose:
+            raise
+        raise SolverError(
+            "no equilibrium was found: nothing holds the cage, and without friction it slides off "
+            "its obstacles",
+            key="obstacles",
+            cure="Give the obstacles friction, fix a part of the cage, or let it fall in time "
+            "steps ([transient])",
+        ) from error
     moved = result.positions - undeformed
     moved = moved if surface is None else surface.to_vertices(moved)
     if all(term.friction is None for term in result.contacts) and not layers:
