@@ -296,10 +296,12 @@ SHORTER = {
 LONG = {
     "animal_in_carved_cage",
     "arm",
+    "capstan",
     "catenary",
     "curtain",
     "curtain_on_rod",
     "double_weave",
+    "drop",
     "fold",
     "let_go",
     "lever_in_tetwild_cage",

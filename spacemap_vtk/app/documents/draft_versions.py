@@ -50,7 +50,8 @@ class DraftVersions:
         writer.WriteToOutputStringOn()
         writer.SetDataModeToAscii()
         writer.Write()
-        return self._store(writer.GetOutputString().encode(), ".vtu", "the state before the drop")
+        ending = f".{writer.GetDefaultFileExtension()}"
+        return self._store(writer.GetOutputString().encode(), ending, "the state before the drop")
 
     def _store(self, data: bytes, suffix: str, name: str) -> Path:
         try:
