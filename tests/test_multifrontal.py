@@ -13,7 +13,7 @@ from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.linalg import multifrontal
-from spacemap_vtk.mechanics.linalg.factors import factorise_square
+from spacemap_vtk.mechanics.linalg.factors import SquarePattern, factorise_square
 from spacemap_vtk.mechanics.linalg.fronts import Analysis, dissect_by_levels, nested_dissection
 from spacemap_vtk.mechanics.linalg.multifrontal import Cholesky, count_negative_eigenvalues
 
@@ -32,6 +32,11 @@ def pencil(divisions, held=True):
     K, M = stiffness_and_mass(points, tetrahedra, isotropic(1e6, 0.3), 300.0)
     free = np.flatnonzero(np.repeat((points[:, 1] < 1) | (not held), 3))
     return K[free][:, free], M[free][:, free], free // 3
+
+
+def square_pattern(matrix, analysis):
+    parts = np.arange(matrix.nnz), matrix.indices, matrix.indptr
+    return SquarePattern(sp.csr_matrix(parts, shape=matrix.shape), analysis)
 
 
 @pytest.mark.parametrize("divisions", [(1, 1, 1), (9, 9, 9), (30, 20, 1), (100, 1, 1)])
@@ -76,11 +81,11 @@ def test_compiled_loops_and_numpy_both_solve(density, compiled, monkeypatch):
         analysis = Analysis(symmetric, np.arange(size))
         solved = Cholesky(symmetric, analysis).solve(right[:, None])[:, 0]
         np.testing.assert_allclose(solved, np.linalg.solve(symmetric.toarray(), right), atol=1e-12)
-        solve = factorise_square(A, A.tocsc().data, analysis)
+        solve = factorise_square(A.data, square_pattern(A, analysis))
         assert solve is not None
         np.testing.assert_allclose(solve(right), np.linalg.solve(A.toarray(), right), atol=1e-12)
         twice = sp.bmat([[A, 0.5 * A], [0.2 * A, A.T]], format="csr")
-        solve = factorise_square(twice, twice.tocsc().data, analysis.repeat(2))
+        solve = factorise_square(twice.data, square_pattern(twice, analysis.repeat(2)))
         assert solve is not None
         right = rng.standard_normal(2 * size)
         np.testing.assert_allclose(
@@ -92,7 +97,8 @@ def test_compiled_loops_and_numpy_both_solve(density, compiled, monkeypatch):
 def test_singular_matrix_has_no_solver(compiled, monkeypatch):
     monkeypatch.setenv("SPACEMAP_COMPILED", compiled)
     singular = sp.csr_matrix(np.ones((3, 3)))
-    assert factorise_square(singular, singular.data, Analysis(singular, np.arange(3))) is None
+    pattern = square_pattern(singular, Analysis(singular, np.arange(3)))
+    assert factorise_square(singular.data, pattern) is None
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -14,7 +14,12 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
-from spacemap_vtk.mechanics.linalg.factors import Solve, factorise, factorise_square
+from spacemap_vtk.mechanics.linalg.factors import (
+    Solve,
+    SquarePattern,
+    factorise,
+    factorise_square,
+)
 from spacemap_vtk.mechanics.linalg.fronts import Analysis, Work
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
@@ -66,7 +71,8 @@ class ReducedSystem:
         self._diagonal, *self._slots = np.split(slots.ravel().astype(kind), ends[:-1])
         self._columns = (keys % size).astype(kind)
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size).astype(kind)
-        self.__dict__.pop("analysis", None)
+        for name in ("analysis", "_square_pattern"):
+            self.__dict__.pop(name, None)
 
     @cached_property
     def analysis(self) -> Analysis:
@@ -75,6 +81,10 @@ class ReducedSystem:
         pattern = self._csr(np.ones(len(self._columns), dtype=np.int64))
         names = pattern @ np.random.default_rng(0).integers(1 << 62, size=self.basis.shape[1])
         return Analysis(pattern, names, self._work)
+
+    @cached_property
+    def _square_pattern(self) -> SquarePattern:
+        return SquarePattern(self._csr(np.arange(len(self._columns))), self.analysis)
 
     def follow(self, z: Floats) -> bool:
         """Let the pattern follow positions z, if nodes affect others there; whether it changed."""
@@ -169,7 +179,11 @@ class ReducedSystem:
 
     def factorise_unsymmetric(self, matrix: sp.csr_matrix) -> Solve:
         """Factorise a possibly unsymmetric matrix of the tangent's pattern; return its solver."""
-        solve = factorise_square(matrix, matrix.tocsc().data, self.analysis)
+        pattern = self._square_pattern
+        if matrix.nnz < len(self._columns):  # a part of the tangent's pattern, as a mass has
+            places = sp.csr_matrix((np.arange(matrix.nnz), matrix.indices, matrix.indptr))
+            pattern = SquarePattern(places, self.analysis)
+        solve = factorise_square(matrix.data, pattern)
         if solve is None:
             raise SolverError("the tangent of this step is singular")
         return solve

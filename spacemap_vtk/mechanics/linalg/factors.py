@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.sparse.linalg import splu
 from spacemap_vtk.errors import SizeError, SolverError
 from spacemap_vtk.mechanics.linalg.fronts import Analysis
 from spacemap_vtk.mechanics.linalg.multifrontal import Cholesky, SquareFactors
-from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 Solve = Callable[[Floats], Floats]
 
@@ -57,24 +58,50 @@ def factorise(
     return Factors(Cholesky(matrix, analysis(), progress).solve, "multifrontal")
 
 
-def factorise_square(matrix: sp.csr_matrix, mirrored: Floats, analysis: Analysis) -> Solve | None:
-    """Factorise an unsymmetric matrix of a symmetric pattern; None if it is singular."""
-    # `mirrored` are the values at the mirror image of the matrix's entries.
+class SquarePattern:
+    """Unsymmetric matrices of a symmetric pattern, whose entries are taken from an array."""
+
+    def __init__(self, places: sp.csr_matrix, analysis: Analysis) -> None:
+        # `places` contains where each entry of a matrix is in the array.
+        self._places, self.analysis = places, analysis
+
+    @cached_property
+    def whole(self) -> sp.csc_matrix:
+        """Places of all entries, in the order of elimination."""
+        return self.analysis.reorder(self._places)
+
+    @cached_property
+    def lower(self) -> sp.csc_matrix:
+        """Places of the lower triangle, in the order of elimination."""
+        return self.analysis.reorder(self._places, lower=True)
+
+    @cached_property
+    def upper(self) -> Ints:
+        """Places of the mirror images of the lower triangle's entries."""
+        return self.analysis.reorder(self._places.T.tocsr(), lower=True).data
+
+
+def factorise_square(values: Floats, pattern: SquarePattern) -> Solve | None:
+    """Factorise an unsymmetric matrix, whose entries are among the values; None if singular."""
+    analysis = pattern.analysis
     # Instead of SuperLU, loops save about eight times as much as for a symmetric matrix.
     loops = analysis.past_work.count(8 * analysis.entries)
     try:
         if loops is None:
-            return _superlu(matrix, analysis)
-        mirror = sp.csr_matrix((mirrored, matrix.indices, matrix.indptr), shape=matrix.shape)
-        upper = analysis.reorder(mirror, lower=True).data
-        return SquareFactors(analysis.reorder(matrix, lower=True), upper, analysis, loops).solve
+            return _superlu(_take(values, pattern.whole), analysis)
+        lower = _take(values, pattern.lower)
+        return SquareFactors(lower, values[pattern.upper], analysis, loops).solve
     except (RuntimeError, SolverError):
         return None
 
 
-def _superlu(matrix: sp.csr_matrix, analysis: Analysis) -> Solve:
+def _take(values: Floats, places: sp.csc_matrix) -> sp.csc_matrix:
+    parts = values[places.data], places.indices, places.indptr
+    return sp.csc_matrix(parts, shape=places.shape)
+
+
+def _superlu(ordered: sp.csc_matrix, analysis: Analysis) -> Solve:
     options = {"SymmetricMode": True}
-    ordered = analysis.reorder(matrix)
     factors = splu(ordered, permc_spec="NATURAL", diag_pivot_thresh=0.01, options=options)
 
     def solve(right: Floats) -> Floats:

@@ -99,7 +99,7 @@ class Analysis:
             matrix.sum_duplicates()
         kept = self._ordered.get(lower)
         if kept is None or not (
-            _are_equal(kept[0], matrix.indptr) and _are_equal(kept[1], matrix.indices)
+            np.array_equal(kept[0], matrix.indptr) and np.array_equal(kept[1], matrix.indices)
         ):
             numbers = np.arange(1, matrix.nnz + 1)
             made = sp.csr_matrix((numbers, matrix.indices, matrix.indptr), shape=matrix.shape)
@@ -145,10 +145,6 @@ class Analysis:
                 add = _add_triangle if loops is None else loops.add_triangle
                 add(update, place[where], int(np.searchsorted(where, last)), pivot, side, rest)
             yield number, pivot, side, rest
-
-
-def _are_equal(first: Ints, second: Ints) -> bool:
-    return first is second or np.array_equal(first, second)
 
 
 def _fill_columns(

@@ -12,6 +12,7 @@ See `spacemap_vtk.mechanics.linalg.fronts` for what a front is. Source: Duff and
 from __future__ import annotations
 
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +23,7 @@ from spacemap_vtk.errors import SolverError
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.linalg.fronts import Analysis
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 
 #: Number of columns that are eliminated at once when eigenvalues are counted. Most fronts have
 #: fewer, and several times a second the progress is reported and the work can be stopped.
@@ -86,12 +87,21 @@ class Cholesky:
         return solution
 
 
+class _SquareFront(NamedTuple):
+    """What is kept of a front: the inverse of its pivots, or their factors with their swaps."""
+
+    pivot: Floats
+    swaps: Ints | None
+    below: Floats
+    right: Floats
+
+
 class SquareFactors:
     """Factors of an unsymmetric matrix whose pattern is symmetric, by compiled loops."""
 
     # Of A = [P B; C D] with the pivots P of a front, P⁻¹, C, and X = P⁻¹ B are kept; the update is
-    # -C X. Products with P⁻¹ are several times as fast as solutions with its factors. Rows are
-    # exchanged within P only.
+    # -C X. Products with P⁻¹ are several times as fast as solutions with its factors, which are
+    # kept where there is no border. Rows are exchanged within P only.
 
     def __init__(
         self, lower: sp.csc_matrix, upper: Floats, analysis: Analysis, loops: ModuleType
@@ -99,7 +109,7 @@ class SquareFactors:
         # `lower` is the lower triangle in the order of elimination; `upper` are the values of the
         # upper triangle at the mirror image of its entries.
         self._analysis = analysis
-        self._fronts: list[tuple[Floats, Floats, Floats]] = []
+        self._fronts: list[_SquareFront] = []
         left: list[Floats | None] = [None] * len(analysis.runs)
         place = np.empty(lower.shape[0], np.int64)
         for number, ((first, last), border) in enumerate(
@@ -124,24 +134,28 @@ class SquareFactors:
             factors, swaps, failed = lapack.dgetrf(pivot, overwrite_a=1)
             if failed:
                 raise SolverError("the matrix is singular")
-            inverse = lapack.dgetri(factors, swaps, overwrite_lu=1)[0]
             if high:
+                inverse = lapack.dgetri(factors, swaps, overwrite_lu=1)[0]
                 right = _multiply(inverse, right)
                 left[number] = blas.dgemm(-1.0, below, right, beta=1.0, c=rest, overwrite_c=1)
-            self._fronts.append((inverse, below, right))
+                self._fronts.append(_SquareFront(inverse, None, below, right))
+            else:
+                self._fronts.append(_SquareFront(factors, swaps, below, right))
 
     def solve(self, right: Floats) -> Floats:
         """Solve for a right-hand side."""
         analysis = self._analysis
         x = right[analysis.order]
         parts = list(zip(analysis.runs, analysis.borders, self._fronts, strict=True))
-        for (first, last), border, (inverse, below, _) in parts:
-            x[first:last] = inverse @ x[first:last]
+        for (first, last), border, front in parts:
+            if front.swaps is None:
+                x[first:last] = front.pivot @ x[first:last]
+                x[border] -= front.below @ x[first:last]
+            else:
+                x[first:last] = lapack.dgetrs(front.pivot, front.swaps, x[first:last])[0]
+        for (first, last), border, front in reversed(parts):
             if len(border):
-                x[border] -= below @ x[first:last]
-        for (first, last), border, (_, _, share) in reversed(parts):
-            if len(border):
-                x[first:last] -= share @ x[border]
+                x[first:last] -= front.right @ x[border]
         solution = np.empty_like(x)
         solution[analysis.order] = x
         return solution

@@ -40,7 +40,7 @@ import scipy.sparse as sp
 from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, TermStep
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
-from spacemap_vtk.mechanics.linalg.factors import Solve, factorise_square
+from spacemap_vtk.mechanics.linalg.factors import Solve, SquarePattern, factorise_square
 from spacemap_vtk.ndarrays import Floats
 
 #: Times of the two stages, as shares of the step. Their weights are ½, ½.
@@ -584,7 +584,6 @@ class _StageSystem:
     def __init__(self, system: ReducedSystem, mass: sp.csr_matrix) -> None:
         pattern = system.pattern()
         size, count = pattern.shape[0], pattern.nnz
-        self._size = 2 * size
         #: Number of entries in the pattern of a tangent.
         self.count = count
         rows = np.repeat(np.arange(size), np.diff(pattern.indptr))
@@ -603,19 +602,13 @@ class _StageSystem:
             ],
             format="csr",
         )
-        self._analysis = system.analysis.repeat(2)
-        #: Where the entries of these systems, and their mirror images, are in the tangents.
-        self._entries = blocks.data.astype(np.int64) - 1
-        self._mirrored = blocks.tocsc().data.astype(np.int64) - 1
-        self._columns, self._starts = blocks.indices, blocks.indptr
+        blocks.data = blocks.data.astype(np.int64) - 1
+        self._pattern = SquarePattern(blocks, system.analysis.repeat(2))
 
     def solution(self, tangents: Floats, heavy: Floats) -> Solve | None:
         """Factorise tangents (2, 2, n) plus mass times factors (2, 2); None if singular."""
         values = (tangents + heavy[:, :, None] * self._mass).ravel()
-        shape = self._size, self._size
-        matrix = sp.csr_matrix((values[self._entries], self._columns, self._starts), shape=shape)
-        matrix.has_canonical_format = True
-        solve = factorise_square(matrix, values[self._mirrored], self._analysis)
+        solve = factorise_square(values, self._pattern)
         if solve is None:
             return None
         return lambda right: solve(right.ravel()).reshape(2, -1)
