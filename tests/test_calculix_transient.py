@@ -25,6 +25,7 @@ MODULUS, RATIO, DENSITY, FORCE = 1e5, 0.3, 300.0, 60.0
 THEIRS, OURS, RISE, END = 0.001, 0.005, 0.2, 0.5
 
 
+@pytest.mark.nightly
 def test_large_bending_of_a_beam_equals_that_of_calculix(tmp_path: Path) -> None:
     points, cells = mesh((1, 4, 1), 2, (0, 0.4, 0, 2, 0, 0.3))
     held = points[:, 1] == 0

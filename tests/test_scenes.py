@@ -301,6 +301,7 @@ LONG = {
     "curtain",
     "curtain_on_rod",
     "double_weave",
+    "drape",
     "drop",
     "fold",
     "let_go",
