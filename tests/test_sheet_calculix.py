@@ -171,7 +171,7 @@ def calculix_on_ground(
     return points, moved, float(totals[-1][2])
 
 
-#: Corners of the ground [m].
+#: Corners x, y of the rigid ground in CalculiX [m].
 _SQUARE = ((-0.05, -0.05), (0.3, -0.05), (0.3, 0.1), (-0.05, 0.1))
 
 

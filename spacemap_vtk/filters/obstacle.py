@@ -166,7 +166,7 @@ class Obstacle(Record):
     path = Vectors(
         "Displacements from its place through which the obstacle is moved slowly, along straight "
         "lines, before anything moves in time; it stays at the last. All obstacles move along "
-        "their lines of the same number together.",
+        "their first lines at the same time, then along their second ones.",
         component=Real(0.0, "", unit="m"),
     )
     displacement = Vector(

@@ -25,8 +25,8 @@ _SIZES: dict[str, dict[str, Any]] = {
     "disc": {"radius": 0.3},
     "mesh": {},
 }
-#: Distance of the centre of a new obstacle below the cloth, over the cloth's size. The tops are a
-#: tenth of it below; a plane is farther away.
+#: Depth of the centre of a new obstacle below the lowest point of the cloth, as a share of the
+#: cloth's size. Its top is then a tenth of this size below the cloth; a plane lies lower.
 _BELOW = {"plane": 0.3, "sphere": 0.35, "cylinder": 0.2, "box": 0.25, "disc": 0.1, "mesh": 0.1}
 #: Places of new obstacles are rounded to this share of the cloth's size.
 _DIGITS = 0.01

@@ -144,7 +144,7 @@ class Strains(EnergyTerm):
         return np.linalg.det(self.frame @ positions[self.nodes])
 
     def largest_step(self, positions: Floats, move: Floats) -> float:
-        """Compute the largest multiple of a move (V, 3) that turns no element by more than TURN."""
+        """Compute the largest multiple of a move (V, 3) that turns no element too far."""
         # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
         # across it by θ of its length has a strain of θ²/2.
         squares = np.where(self._can_stabilise, self.second_order_strains(move)[0], 0.0)

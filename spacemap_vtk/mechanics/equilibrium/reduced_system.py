@@ -65,9 +65,9 @@ class ReducedSystem:
         parts = [each[2] for each in self._entries]
         keys, slots = np.unique(np.concatenate([diagonal, *parts]), return_inverse=True)
         ends = np.cumsum([size, *(len(part) for part in parts)])
-        #: Position of each diagonal entry in a matrix, and of the entries of each term.
-        # The index type that scipy takes, so that matrices share these arrays.
+        # SciPy's own index type: with another one, each matrix would convert these arrays.
         kind = np.int32 if len(keys) < 2**31 else np.int64
+        #: Position of each diagonal entry in a matrix, and of the entries of each term.
         self._diagonal, *self._slots = np.split(slots.ravel().astype(kind), ends[:-1])
         self._columns = (keys % size).astype(kind)
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size).astype(kind)

@@ -1,4 +1,7 @@
-"""Factors of a sparse, symmetric, positive definite matrix, from the best library available.
+"""Factors of a sparse matrix, from the best library available.
+
+Unsymmetric matrices, which time steps and friction have, are factorised by compiled loops or by
+SciPy's SuperLU, see `factorise_square`. All others here are symmetric and positive definite.
 
 Libraries are tried in this order: CHOLMOD (scikit-sparse), Pardiso (pypardiso), and this project's
 `spacemap_vtk.mechanics.linalg.multifrontal`, which needs only scipy. The first two are not
@@ -88,14 +91,15 @@ def factorise_square(values: Floats, pattern: SquarePattern) -> Solve | None:
     loops = analysis.past_work.count(8 * analysis.entries)
     try:
         if loops is None:
-            return _superlu(_take(values, pattern.whole), analysis)
-        lower = _take(values, pattern.lower)
+            return _superlu(_reorder_values(values, pattern.whole), analysis)
+        lower = _reorder_values(values, pattern.lower)
         return SquareFactors(lower, values[pattern.upper], analysis, loops).solve
     except (RuntimeError, SolverError):
         return None
 
 
-def _take(values: Floats, places: sp.csc_matrix) -> sp.csc_matrix:
+def _reorder_values(values: Floats, places: sp.csc_matrix) -> sp.csc_matrix:
+    """Make the matrix whose entries are the values at the given places."""
     parts = values[places.data], places.indices, places.indptr
     return sp.csc_matrix(parts, shape=places.shape)
 

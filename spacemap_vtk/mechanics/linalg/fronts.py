@@ -37,7 +37,7 @@ _ZEROS = ((4, 0.8), (16, 0.25), (48, 0.1), (1 << 60, 0.05))
 
 @dataclass
 class Work:
-    """Factorisations that are done one after another, for the choice of compiled loops."""
+    """How much has been factorised so far, which decides when compiled loops are loaded."""
 
     #: Number of entries of all factors so far.
     entries: int = 0
@@ -73,6 +73,7 @@ class Analysis:
         self.children = [f.children for f in found]
         #: Patterns that were ordered last, and the positions of their entries in that order.
         self._ordered: dict[bool, tuple[Ints, Ints, sp.csc_matrix]] = {}
+        #: Factorisations so far; a repeated analysis counts together with this one.
         self.past_work = work or Work()
 
     @property

@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factorisation in numpy, and the inertia of an indefinite matrix.
+"""Multifrontal factors of a sparse matrix, and the inertia of an indefinite one.
 
 Why not SuperLU, which scipy brings: it stores both triangles, factorises a cube of 95,000 rows in
 11 s, and gives the signs of its pivots only with a copy of everything. For a symmetric matrix in
@@ -143,7 +143,7 @@ class SquareFactors:
                 self._fronts.append(_SquareFront(factors, swaps, below, right))
 
     def solve(self, right: Floats) -> Floats:
-        """Solve for a right-hand side."""
+        """Solve for a right-hand side, (N,)."""
         analysis = self._analysis
         x = right[analysis.order]
         parts = list(zip(analysis.runs, analysis.borders, self._fronts, strict=True))
