@@ -1,0 +1,1 @@
+"""Relaxed yarns of any textile: elastic rods in contact in a periodic cell."""

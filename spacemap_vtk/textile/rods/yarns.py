@@ -1,0 +1,142 @@
+"""Centre lines of yarns in a periodic cell: uniform cubic B-splines of their control points.
+
+Everything is linear in the unknowns z: the control points of all yarns, (n, 3), followed by the
+two period vectors of the cell, (2, 3). A yarn that leaves the cell comes back one or more periods
+away, so its points depend on the periods, too:
+
+    r(u) = Σ_k N_k(u) (q_k + m_k · P)
+
+with whole numbers m_k of periods. A sparse matrix of one row per sample holds all of this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+#: Samples in each span, Gauss points, and their weights.
+PER_SPAN = 5
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(PER_SPAN)
+_NODES, _WEIGHTS = (1.0 + _NODES) / 2.0, _WEIGHTS / 2.0
+
+
+class Yarn(NamedTuple):
+    """Centre line of a yarn as control points of a uniform cubic B-spline."""
+
+    points: Floats
+    """(n, 3) Control points, at least 4 [m]."""
+    periods: tuple[int, int] | None = (0, 0)
+    """Whole periods of the cell after which the yarn repeats itself; (0, 0) for a closed loop,
+    None for a yarn with two ends."""
+    diameter: float = 1.0
+    """Diameter [m]."""
+
+
+class Samples(NamedTuple):
+    """Points along all yarns at which energies are summed; values are linear in z."""
+
+    place: csr_matrix
+    """(S, n + 2) Positions r from z."""
+    slope: csr_matrix
+    """(S, n + 2) Derivatives r′ by the parameter, 1 per span."""
+    bend: csr_matrix
+    """(S, n + 2) Second derivatives r″."""
+    weight: Floats
+    """(S,) Weights of the quadrature over the parameter."""
+    yarn: Ints
+    """(S,) Yarn of each sample."""
+    parameter: Floats
+    """(S,) Parameter of each sample on its yarn, in spans."""
+    spans: Ints
+    """(Y,) Number of spans of each yarn."""
+    periods: Ints
+    """(Y, 2) Periods after which each yarn repeats itself; (0, 0) for loops and ends."""
+    has_no_ends: Bools
+    """(Y,) Whether a yarn is a loop or repeats itself."""
+    diameter: Floats
+    """(Y,) Diameters [m]."""
+
+
+def basis_functions(t: Floats) -> tuple[Floats, Floats, Floats]:
+    """Compute the four B-splines of a span and two derivatives at t from 0 to 1, (…, 4) each."""
+    one = 1.0 - t
+    value = np.stack([one**3, 3 * t**3 - 6 * t**2 + 4, 3 * one**3 - 6 * one**2 + 4, t**3], -1) / 6
+    slope = np.stack([-(one**2), 3 * t**2 - 4 * t, 4 * one - 3 * one**2, t**2], -1) / 2
+    bend = np.stack([one, 3 * t - 2, 3 * one - 2, t], -1)
+    return value, slope, bend
+
+
+def unknowns(yarns: Sequence[Yarn], cell: Floats) -> Floats:
+    """Stack all control points and the two period vectors (2, 3), (n + 2, 3)."""
+    return np.concatenate([*(yarn.points for yarn in yarns), np.asarray(cell, dtype=np.float64)])
+
+
+def sample_yarns(yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _WEIGHTS) -> Samples:
+    """Make the sparse matrices that give places, slopes and bends of yarns from z.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        The yarns; only their numbers of points, periods and diameters are used.
+    at, weights : ndarray of float64, shape (g,)
+        Parameters of the samples in each span, from 0 to 1, and their weights.
+
+    Returns
+    -------
+    Samples
+        g samples on each span of each yarn.
+
+    Raises
+    ------
+    GeometryError
+        If a yarn has less than 4 control points.
+    """
+    from scipy.sparse import csr_matrix
+
+    total = sum(len(yarn.points) for yarn in yarns)
+    shapes = basis_functions(np.asarray(at, dtype=np.float64))
+    nodes, wraps, owner, where, spans = [], [], [], [], []
+    first = 0
+    for number, yarn in enumerate(yarns):
+        count = len(yarn.points)
+        if count < 4:
+            raise GeometryError(
+                f"yarn {number} has too few control points", value=count, allowed="4 or more"
+            )
+        lengths = count if yarn.periods is not None else count - 3
+        index = np.arange(lengths)[:, None] + np.arange(4)
+        turn, index = np.divmod(index, count)
+        nodes.append(first + index)
+        wraps.append(turn[..., None] * np.array(yarn.periods or (0, 0)))
+        owner.append(np.full(lengths * len(at), number))
+        where.append((np.arange(lengths)[:, None] + at).ravel())
+        spans.append(lengths)
+        first += count
+    node, wrap = np.concatenate(nodes), np.concatenate(wraps)
+    rows = len(node) * len(at)
+    columns = np.concatenate([node, np.tile([total, total + 1], (len(node), 1))], axis=1)
+    columns = np.repeat(columns, len(at), axis=0).ravel()
+    starts = np.arange(0, 6 * rows + 1, 6)
+    matrices = []
+    for shape in shapes:
+        own = np.broadcast_to(shape, (len(node), *shape.shape))
+        values = np.concatenate([own, own @ wrap], axis=2)
+        matrices.append(csr_matrix((values.ravel(), columns, starts), shape=(rows, total + 2)))
+    return Samples(
+        *matrices,
+        np.tile(weights, len(node)),
+        np.concatenate(owner),
+        np.concatenate(where),
+        np.array(spans),
+        np.array([yarn.periods or (0, 0) for yarn in yarns]),
+        np.array([yarn.periods is not None for yarn in yarns]),
+        np.array([yarn.diameter for yarn in yarns], dtype=np.float64),
+    )
