@@ -54,7 +54,7 @@ def find_pairs(samples: Samples, z: Floats, length: Floats, reach: float) -> Pai
     tree = cKDTree(place)
     found = [Pairs(*tree.query_pairs(reach, output_type="ndarray").T, np.zeros((0, 2), int))]
     found[0] = found[0]._replace(shift=np.zeros((len(found[0].first), 2), dtype=np.int64))
-    for move in _neighbouring_cells(place, cell, reach):
+    for move in neighbouring_cells(place, cell, reach):
         near = tree.sparse_distance_matrix(
             cKDTree(place + move @ cell), reach, output_type="coo_matrix"
         )
@@ -64,7 +64,7 @@ def find_pairs(samples: Samples, z: Floats, length: Floats, reach: float) -> Pai
     return Pairs(*(each[keep] for each in pairs))
 
 
-def _neighbouring_cells(place: Floats, cell: Floats, reach: float) -> list[Ints]:
+def neighbouring_cells(place: Floats, cell: Floats, reach: float) -> list[Ints]:
     """List the moves of the cell, one of each opposite two, that may bring samples together."""
     gram = cell @ cell.T
     most = np.zeros(2, dtype=np.int64)
