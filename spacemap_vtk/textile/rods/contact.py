@@ -86,9 +86,9 @@ def _are_neighbours(samples: Samples, pairs: Pairs, length: Floats) -> Bools:
     periods, spans = samples.periods[yarn], samples.spans[yarn]
     # How often the yarn has repeated itself at the image; only then are both on one yarn.
     turns = (pairs.shift * periods).sum(axis=1) // np.maximum((periods**2).sum(axis=1), 1)
-    same = (yarn == samples.yarn[pairs.second]) & (
-        turns[:, None] * periods == pairs.shift
-    ).all(axis=1)
+    same = (yarn == samples.yarn[pairs.second]) & (turns[:, None] * periods == pairs.shift).all(
+        axis=1
+    )
     apart = samples.parameter[pairs.first] - samples.parameter[pairs.second] - turns * spans
     is_loop = samples.has_no_ends[yarn] & ~periods.any(axis=1)
     apart -= np.where(is_loop, spans * np.round(apart / spans), 0.0)

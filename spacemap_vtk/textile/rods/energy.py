@@ -36,23 +36,50 @@ class RodMechanics(NamedTuple):
     """(Y,) Length of a span at rest [m]."""
 
 
-class State(NamedTuple):
-    """Energy of yarns in one place, and its derivatives."""
+class State:
+    """Energy of yarns in one place, its gradient, and its second derivatives when asked for."""
 
-    z: Floats
-    """(n + 2, 3) Control points and period vectors [m]."""
-    parts: Floats
-    """(3,) Energies of stretch, bending and contact per cell [J]."""
-    gradient: Floats
-    """(n + 2, 3) Derivatives by z [N]."""
-    tangent: csr_matrix
-    """(3n + 6, 3n + 6) Second derivatives [N/m]: exact for contact; without the negative part of
-    compressed yarns; those of bending are Gauss and Newton's."""
+    def __init__(
+        self,
+        z: Floats,
+        parts: Floats,
+        gradient: Floats,
+        products: list[tuple[csr_matrix, Floats]],
+    ) -> None:
+        #: (n + 2, 3) Control points and period vectors [m].
+        self.z = z
+        #: (3,) Energies of stretch, bending and contact per cell [J].
+        self.parts = parts
+        #: (n + 2, 3) Derivatives by z [N].
+        self.gradient = gradient
+        #: Matrices X (m k, 3n + 6) and blocks (m, k, k), whose sum of X^T blocks X is the tangent.
+        self._products = products
 
     @property
     def energy(self) -> float:
         """Energy per cell [J]."""
         return float(self.parts.sum())
+
+    def tangent(self, definite: bool = False) -> csr_matrix:
+        """Compute the second derivatives, (3n + 6, 3n + 6) [N/m].
+
+        Parameters
+        ----------
+        definite : bool, optional
+            Whether the negative curvature of each sample and of each contact is left out.
+
+        Returns
+        -------
+        csr_matrix
+            Symmetric matrix.
+        """
+        total = 0
+        for wide, blocks in self._products:
+            if definite:
+                values, vectors = np.linalg.eigh(blocks)
+                blocks = (vectors * np.maximum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
+            total = total + wide.T @ (_block_diagonal(blocks) @ wide)
+        return total.tocsr()
 
 
 class RodEnergy:
@@ -71,6 +98,12 @@ class RodEnergy:
         #: (S,) Length of a span at rest [m], and length that a sample stands for [m].
         self._span = mechanics.length[samples.yarn]
         self._ds = samples.weight * self._span
+
+    def softened(self, share: float) -> RodEnergy:
+        """Return the energy with a share of the stiffness of tension and contact."""
+        own = self.mechanics
+        soft = own._replace(tension=share * own.tension, contact=share * own.contact)
+        return RodEnergy(self.samples, soft)
 
     def pairs_within(self, z: Floats, reach: float) -> Pairs:
         """Find the pairs of samples nearer than `reach` [m]."""
@@ -94,50 +127,54 @@ class RodEnergy:
             The energy and its derivatives.
         """
         samples = self.samples
-        slope, bend = samples.slope @ z, samples.bend @ z
-        speed = np.linalg.norm(slope, axis=1)
-        along = slope / speed[:, None]
-        outer = along[:, :, None] * along[:, None, :]
+        a, b = samples.slope @ z, samples.bend @ z
+        aa, bb, ab = (np.einsum("si,si->s", *pair) for pair in ((a, a), (b, b), (a, b)))
+        speed = np.sqrt(aa)
 
         stiff = self.mechanics.tension[samples.yarn] / self._span * samples.weight
         over = speed - self._span
-        by_slope = (stiff * over)[:, None] * along
-        rise = np.maximum(over / speed, 0.0)[:, None, None]
-        slope_slope = stiff[:, None, None] * (outer + rise * (_EYE - outer))
+        along = a / speed[:, None]
+        by_a = (stiff * over)[:, None] * along
+        by_aa = (stiff * self._span / speed)[:, None, None] * _outer(along, along)
+        by_aa += (stiff * over / speed)[:, None, None] * _EYE
 
-        # κ² ds is the square of ρ = r′ × r″ / |r′|^(5/2).
-        rigid = self.mechanics.bending[samples.yarn] * samples.weight
-        power = speed**-2.5
-        curve = np.cross(slope, bend) * power[:, None]
-        of_bend = _cross_matrix(slope) * power[:, None, None]
-        of_slope = -_cross_matrix(bend) * power[:, None, None]
-        of_slope -= 2.5 / speed[:, None, None] * curve[:, :, None] * along[:, None, :]
-        moment = rigid[:, None] * curve
-        by_slope += np.einsum("sij,si->sj", of_slope, moment)
-        by_bend = np.einsum("sij,si->sj", of_bend, moment)
-        turned = rigid[:, None, None] * of_slope.swapaxes(1, 2)
-        slope_slope += turned @ of_slope
-        bend_bend = rigid[:, None, None] * of_bend.swapaxes(1, 2) @ of_bend
+        # κ² ds = f du with f = (aa bb - ab²)/aa^(5/2), a = r′ and b = r″. Derivatives of f by the
+        # three products:
+        rigid = self.mechanics.bending[samples.yarn] * samples.weight / 2
+        p5, p7 = rigid * aa**-2.5, rigid * aa**-3.5
+        f_a = 2.5 * p7 * ab**2 - 1.5 * p5 * bb
+        f_aa = 3.75 * p7 * bb - 8.75 * p7 / aa * ab**2
+        f_b, f_ab, f_c, f_cc, f_ac = p5 * aa, -1.5 * p5, -2.0 * p5 * ab, -2.0 * p5, 5.0 * p7 * ab
+        by_a += 2 * f_a[:, None] * a + f_c[:, None] * b
+        by_b = 2 * f_b[:, None] * b + f_c[:, None] * a
+        f_a, f_aa, f_b, f_ab, f_c, f_cc, f_ac = (
+            each[:, None, None] for each in (f_a, f_aa, f_b, f_ab, f_c, f_cc, f_ac)
+        )
+        a_a, a_b, b_b = _outer(a, a), _outer(a, b), _outer(b, b)
+        b_a = a_b.swapaxes(1, 2)
+        blocks = np.empty((len(a), 6, 6))
+        blocks[:, :3, :3] = by_aa + 2 * f_a * _EYE + 4 * f_aa * a_a
+        blocks[:, :3, :3] += 2 * f_ac * (a_b + b_a) + f_cc * b_b
+        blocks[:, :3, 3:] = 4 * f_ab * a_b + 2 * f_ac * a_a + f_c * _EYE + f_cc * b_a
+        blocks[:, 3:, :3] = blocks[:, :3, 3:].swapaxes(1, 2)
+        blocks[:, 3:, 3:] = 2 * f_b * _EYE + f_cc * a_a
+        products = [(self._slopes_and_bends, blocks)]
 
-        one, two = self._slopes, self._bends
-        mixed = one.T @ (_block_diagonal(turned @ of_bend) @ two)
-        tangent = one.T @ (_block_diagonal(slope_slope) @ one) + mixed + mixed.T
-        tangent = tangent + two.T @ (_block_diagonal(bend_bend) @ two)
-        gradient = samples.slope.T @ by_slope + samples.bend.T @ by_bend
-        parts = np.array([stiff @ over**2, rigid @ (curve**2).sum(axis=1), 0.0]) / 2
+        gradient = samples.slope.T @ by_a + samples.bend.T @ by_b
+        curved = p5 * (aa * bb - ab**2)
+        parts = np.array([stiff @ over**2 / 2, curved.sum(), 0.0])
 
         contacts = self.contacts(z, pairs, thickness)
         if len(contacts.overlap):
-            parts[2] = contacts.stiff @ contacts.overlap**2 / 2
-            gradient -= contacts.apart.T @ (
-                (contacts.stiff * contacts.overlap)[:, None] * contacts.normal
+            push = contacts.stiff * contacts.overlap
+            parts[2] = push @ contacts.overlap / 2
+            gradient -= contacts.apart.T @ (push[:, None] * contacts.normal)
+            blocks = (contacts.stiff + push / contacts.distance)[:, None, None] * _outer(
+                contacts.normal, contacts.normal
             )
-            outer = contacts.normal[:, :, None] * contacts.normal[:, None, :]
-            less = (contacts.overlap / contacts.distance)[:, None, None]
-            blocks = contacts.stiff[:, None, None] * (outer - less * (_EYE - outer))
-            wide = _by_components(contacts.apart)
-            tangent = tangent + wide.T @ (_block_diagonal(blocks) @ wide)
-        return State(z, parts, gradient, tangent.tocsr())
+            blocks -= (push / contacts.distance)[:, None, None] * _EYE
+            products.append((_by_components(contacts.apart), blocks))
+        return State(z, parts, gradient, products)
 
     def contacts(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> Contacts:
         """Find the pairs that overlap."""
@@ -164,12 +201,13 @@ class RodEnergy:
         return np.bincount(self.samples.yarn, speed * self.samples.weight)
 
     @cached_property
-    def _slopes(self) -> csr_matrix:
-        return _by_components(self.samples.slope)
+    def _slopes_and_bends(self) -> csr_matrix:
+        """The six components of r′ and r″ of each sample, (6 S, 3n + 6)."""
+        from scipy.sparse import vstack
 
-    @cached_property
-    def _bends(self) -> csr_matrix:
-        return _by_components(self.samples.bend)
+        count = len(self.samples.weight)
+        order = np.arange(2 * count).reshape(2, count).T.ravel()
+        return _by_components(vstack([self.samples.slope, self.samples.bend]).tocsr()[order])
 
 
 class Contacts(NamedTuple):
@@ -188,11 +226,11 @@ class Contacts(NamedTuple):
 
 
 def _block_diagonal(blocks: Floats) -> csr_matrix:
-    """Build the matrix of blocks (n, 3, 3) on its diagonal."""
+    """Build the matrix of blocks (n, k, k) on its diagonal."""
     from scipy.sparse import bsr_matrix
 
-    count = len(blocks)
-    return bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(3 * count,) * 2)
+    count, size = blocks.shape[:2]
+    return bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(count * size,) * 2)
 
 
 def _by_components(matrix: csr_matrix) -> csr_matrix:
@@ -202,6 +240,5 @@ def _by_components(matrix: csr_matrix) -> csr_matrix:
     return kron(matrix, identity(3), format="csr")
 
 
-def _cross_matrix(vectors: Floats) -> Floats:
-    """Build the matrices of v × (·) of vectors (n, 3), (n, 3, 3)."""
-    return -np.cross(_EYE[None], vectors[:, None]).swapaxes(1, 2)
+def _outer(left: Floats, right: Floats) -> Floats:
+    return left[:, :, None] * right[:, None, :]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.textile.rods.crossings import Crossings
 from spacemap_vtk.textile.rods.yarns import Yarn, basis_functions
 
@@ -47,7 +47,9 @@ def lift_yarns(yarns: Sequence[Yarn], crossings: Crossings, above: Bools) -> lis
         values = np.repeat([1.0, -2.0, 1.0], len(rows))
         columns = np.concatenate([middle - 1, middle, middle + 1]) % count
         bends.append(coo_matrix((values, (np.tile(rows, 3), columns)), shape=(len(rows), count)))
-    bend = bmat([[each if i == j else None for j in range(len(bends))] for i, each in enumerate(bends)])
+    bend = bmat(
+        [[each if i == j else None for j in range(len(bends))] for i, each in enumerate(bends)]
+    )
 
     def heights(side: int) -> csr_matrix:
         span, t = np.divmod(crossings.parameters[:, side], 1.0)

@@ -19,22 +19,38 @@ from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics, State
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+    pass
 
-#: Shares of their diameters that yarns have in turn.
-GROWTH = (0.4, 0.6, 0.8, 0.9, 1.0)
+
+class Stage(NamedTuple):
+    """A stage of the search."""
+
+    thickness: float
+    """Share of their diameters that yarns have."""
+    stiffness: float
+    """Share of the stiffness that tension and contact have; soft yarns find their shape sooner."""
+    tolerance: float
+    """Largest force at the end, as a share of EA."""
+
+
+#: The stages: yarns grow, find their shape, and become stiff.
+STAGES = (
+    Stage(0.4, 0.03, 1e-2),
+    Stage(0.7, 0.03, 1e-2),
+    Stage(1.0, 0.03, 1e-5),
+    Stage(1.0, 0.2, 1e-5),
+    Stage(1.0, 1.0, 1e-8),
+)
 #: Smallest distance of two yarns at the start, in diameters; nearer ones may be on either side.
 NEAREST = 0.15
 #: Largest move of two samples against each other in a step, as a share of the least distance.
 SAFE = 0.25
+#: The exact tangent is tried after a step that moves nothing by more than this share of a diameter.
+EXACT = 0.1
 #: Pairs are found again when they may have come nearer by this share of a diameter.
 MARGIN = 0.5
-#: Yarns are at rest if no force is above this share of EA …
-TOLERANCE = 1e-9
-#: … and, while they grow, above this one.
-ROUGH = 1e-2
 #: Damping: at first, and its least and largest value, as shares of the largest stiffness …
-DAMPING = (1e-3, 1e-11, 1e3)
+DAMPING = (1e-3, 1e-11, 1e6)
 #: … and its factors after a good and after a bad step.
 EASE, BRAKE = 0.25, 6.0
 
@@ -62,7 +78,6 @@ def relax_yarns(
     mechanics: RodMechanics,
     free: Bools,
     *,
-    growth: Sequence[float] = GROWTH,
     progress: Progress | None = None,
     max_steps: int = 1000,
 ) -> Relaxed:
@@ -78,8 +93,6 @@ def relax_yarns(
         Stiffness and length of the yarns.
     free : ndarray of bool, shape (2, 3)
         Components of the period vectors that follow the yarns; the others are given.
-    growth : sequence of float, optional
-        Shares of their diameters that the yarns have in turn; the last is 1.
     progress : callable, optional
         Called with the share that is done, 0 to 1; may raise to stop.
     max_steps : int, optional
@@ -110,10 +123,10 @@ def relax_yarns(
     moves = np.ones(z.shape, dtype=bool)
     moves[-2:] = free
     search = _Search(energy, np.flatnonzero(moves), max_steps)
-    for number, thickness in enumerate(growth, 1):
-        z = search.run(z, thickness, TOLERANCE if number == len(growth) else ROUGH)
+    for number, stage in enumerate(STAGES, 1):
+        z = search.run(z, stage)
         if progress is not None:
-            progress(number / len(growth))
+            progress(number / len(STAGES))
     state = energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
     ends = np.cumsum([len(yarn.points) for yarn in yarns])
     return Relaxed(
@@ -140,15 +153,16 @@ class _Search:
         self._diameter = float(energy.samples.diameter.max())
         self.steps = 0
 
-    def run(self, z: Floats, thickness: float, tolerance: float) -> Floats:
-        """Find the place of least energy of yarns with a share of their thickness."""
-        reach = (thickness + MARGIN) * self._diameter
-        pairs, moved = self._energy.pairs_within(z, reach), 0.0
-        state = self._energy.evaluate(z, pairs, thickness)
-        limit = tolerance * float(self._energy.mechanics.tension.max())
-        scale = float(state.tangent.diagonal().max())
+    def run(self, z: Floats, stage: Stage) -> Floats:
+        """Find the place of least energy in a stage."""
+        reach = (stage.thickness + MARGIN) * self._diameter
+        energy = self._energy.softened(stage.stiffness)
+        pairs, moved = energy.pairs_within(z, reach), 0.0
+        state = energy.evaluate(z, pairs, stage.thickness)
+        limit = stage.tolerance * float(energy.mechanics.tension.max())
+        scale = float(state.tangent(True).diagonal().max())
         first, least, most = (share * scale for share in DAMPING)
-        damping = first
+        damping, exact = first, False
         while abs(force := state.gradient.ravel()[self._active]).max() > limit:
             self.steps += 1
             if self.steps > self._max_steps or damping > most:
@@ -156,37 +170,46 @@ class _Search:
                     f"the yarns did not come to rest in {self.steps} steps",
                     cure="Give a first guess that is nearer, longer yarns, or a stiffer contact",
                 )
-            move = self._solve(state.tangent, force, damping)
+            move, exact = self._solve(state, force, damping, exact)
             move *= min(1.0, self._safe_share(state.z, move, pairs))
-            here = moved + 2 * float(
-                np.linalg.norm(self._energy.samples.place @ move, axis=1).max()
-            )
+            here = moved + 2 * float(np.linalg.norm(energy.samples.place @ move, axis=1).max())
             z = state.z + move
             near = pairs
             if here > MARGIN * self._diameter:
-                near, here = self._energy.pairs_within(z, reach), 0.0
-            trial = self._energy.evaluate(z, near, thickness)
+                near, here = energy.pairs_within(z, reach), 0.0
+            trial = energy.evaluate(z, near, stage.thickness)
             slope = float(force @ move.ravel()[self._active])
             rounding = 1e-14 * abs(state.parts).sum()
-            if slope < 0.0 and trial.energy <= state.energy + 1e-4 * slope + rounding:
+            if trial.energy <= state.energy + 1e-4 * slope + rounding:
                 state, pairs, moved = trial, near, here
                 damping = max(EASE * damping, least)
+                exact = float(abs(move).max()) < EXACT * self._diameter
             else:
                 damping *= BRAKE
         return state.z
 
-    def _solve(self, tangent: csr_matrix, force: Floats, damping: float) -> Floats:
-        """Solve for the step of Newton's method with damping, (n + 2, 3)."""
+    def _solve(
+        self, state: State, force: Floats, damping: float, exact: bool
+    ) -> tuple[Floats, bool]:
+        """Solve for a step of Newton's method, (n + 2, 3); return it and whether it is exact."""
         from scipy.sparse import identity
         from scipy.sparse.linalg import splu
 
         active = self._active
-        matrix = tangent[active][:, active] + damping * identity(len(active))
-        move = np.zeros(tangent.shape[0])
-        move[active] = -splu(
-            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
-        ).solve(force)
-        return move.reshape(-1, 3)
+        while True:
+            matrix = state.tangent(not exact)[active][:, active] + damping * identity(len(active))
+            factors = splu(
+                matrix.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+            if not exact or (factors.U.diagonal() > 0.0).all():
+                break
+            exact = False
+        move = np.zeros(state.z.size)
+        move[active] = -factors.solve(force)
+        return move.reshape(-1, 3), exact
 
     def _safe_share(self, z: Floats, move: Floats, pairs: Pairs) -> float:
         """Compute the largest share of a move in which no two yarns can change places."""

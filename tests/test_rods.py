@@ -1,0 +1,134 @@
+"""Relaxed yarns against closed forms, published values and other solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
+from spacemap_vtk.textile.rods.knit import POINTS, guess_knit
+from spacemap_vtk.textile.rods.relax import relax_yarns
+from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
+
+NO_CELL = np.zeros((2, 3))
+GIVEN = np.zeros((2, 3), dtype=bool)
+RECTANGLE = np.array([[True, False, False], [False, True, False]])
+
+
+def relax_knit(rows, length=16.0, noise=0.0, seed=0):
+    guess = guess_knit(rows, 1.0, length)
+    random = np.random.default_rng(seed)
+    yarns = [
+        yarn._replace(points=yarn.points + noise * random.normal(size=yarn.points.shape))
+        for yarn in guess.yarns
+    ]
+    count = len(rows)
+    mechanics = RodMechanics(
+        np.full(count, 1e3), np.ones(count), 3e3, np.full(count, length / POINTS)
+    )
+    found = relax_yarns(yarns, guess.cell, mechanics, RECTANGLE)
+    wale, course = found.cell[0, 0] / len(rows[0]), found.cell[1, 1] / count
+    return found, wale, course
+
+
+def test_gradient_and_tangent_are_the_derivatives_of_the_energy():
+    random = np.random.default_rng(0)
+    yarns = [
+        Yarn(random.normal(size=(8, 3)), (1, 0), 1.0),
+        Yarn(random.normal(size=(7, 3)), None, 0.8),
+    ]
+    cell = np.array([[3.0, 0.1, 0.2], [0.3, 2.5, -0.1]])
+    z, move, step = unknowns(yarns, cell), random.normal(size=(17, 3)), 1e-5
+    samples = sample_yarns(yarns)
+    # the tangent of bending is Gauss and Newton's
+    for bending, checks_tangent in ((0.6, False), (0.0, True)):
+        mechanics = RodMechanics(
+            np.array([3.0, 2.0]), np.full(2, bending), 40.0, np.array([0.1, 0.1])
+        )
+        energy = RodEnergy(samples, mechanics)
+        pairs = energy.pairs_within(z, 1.5)
+        here, ahead, back = (energy.evaluate(z + k * step * move, pairs) for k in (0.0, 1.0, -1.0))
+        assert here.parts[2] > 0.0
+        slope = (ahead.energy - back.energy) / (2 * step)
+        assert np.vdot(here.gradient, move) == pytest.approx(slope, rel=1e-8)
+        if checks_tangent:
+            turn = (ahead.gradient - back.gradient).ravel() / (2 * step)
+            assert here.tangent() @ move.ravel() == pytest.approx(turn, abs=1e-8 * abs(turn).max())
+
+
+def test_a_bent_yarn_becomes_a_ring():
+    angle = 2 * np.pi * np.arange(24) / 24
+    oval = np.stack([1.3 * np.cos(angle), 0.9 * np.sin(angle), 0 * angle], axis=1)
+    length = 2 * np.pi
+    mechanics = RodMechanics(np.array([1e5]), np.ones(1), 0.0, np.array([length / 24]))
+    found = relax_yarns([Yarn(oval, (0, 0), 0.1)], NO_CELL, mechanics, GIVEN)
+    assert found.state.parts[1] == pytest.approx(2 * np.pi**2 / length, rel=1e-5)
+
+
+@pytest.mark.parametrize(("room", "crimp"), [(2.0, 0.14350), (3.0, 0.05848)])
+def test_taut_yarns_of_plain_weave_have_peirce_s_crimp(room, crimp):
+    along = np.arange(16) / 16 * 2 * room
+    wave = 0.5 * np.cos(np.pi * along / room)
+    yarns = []
+    for k, sign in ((0, 1.0), (1, -1.0)):
+        place = np.full(16, room * k)
+        yarns.append(Yarn(np.stack([along, place, sign * wave], axis=1), (1, 0)))
+    for k, sign in ((0, -1.0), (1, 1.0)):
+        place = np.full(16, room * k)
+        yarns.append(Yarn(np.stack([place, along, sign * wave], axis=1), (0, 1)))
+    cell = 2 * room * np.eye(2, 3)
+    mechanics = RodMechanics(np.ones(4), np.full(4, 1e-6), 1e3, np.full(4, 0.9 * room / 8))
+    found = relax_yarns(yarns, cell, mechanics, GIVEN)
+    assert found.lengths / (2 * room) - 1.0 == pytest.approx(crimp, rel=0.01)
+
+
+def test_a_trefoil_is_as_short_as_the_tightest_that_is_known():
+    angle = 2 * np.pi * np.arange(60) / 60
+    knot = np.stack(
+        [
+            np.sin(angle) + 2 * np.sin(2 * angle),
+            np.cos(angle) - 2 * np.cos(2 * angle),
+            -np.sin(3 * angle),
+        ],
+        axis=1,
+    )
+    mechanics = RodMechanics(np.ones(1), np.full(1, 1e-9), 4e3, np.array([0.22]))
+    found = relax_yarns([Yarn(0.75 * knot, (0, 0))], NO_CELL, mechanics, GIVEN)
+    # Przybyl and Pieranski: 16.372 for a hard rope
+    rope = found.lengths[0] / (1.0 - found.overlap)
+    assert 16.36 < rope < 16.372 * 1.006
+
+
+def test_stockinette_has_the_loops_of_another_solution():
+    found, wale, course = relax_knit(["k"])
+    assert 16 / course == pytest.approx(5.42, rel=0.005)
+    assert 16 / wale == pytest.approx(3.97, rel=0.005)
+    assert found.overlap < 0.005
+
+
+def test_rib_is_narrow_and_garter_short_and_both_are_thick():
+    plain, wale, course = relax_knit(["k"])
+    thick = np.ptp(plain.yarns[0].points[:, 2]) + 1.0
+    rib, narrow, _ = relax_knit(["kp"])
+    assert narrow / wale == pytest.approx(0.50, abs=0.03)
+    assert (np.ptp(rib.yarns[0].points[:, 2]) + 1.0) / thick == pytest.approx(2.4, abs=0.1)
+    _, _, short = relax_knit(["k", "p"])
+    assert 0.69 < short / course < 0.75
+
+
+@pytest.mark.nightly
+def test_ten_perturbed_starts_come_to_one_state():
+    energies = [relax_knit(["k"], noise=0.05, seed=k)[0].state.energy for k in range(10)]
+    assert np.ptp(energies) < 1e-4 * energies[0]
+
+
+def test_yarns_that_start_in_each_other_are_refused():
+    line = np.arange(8.0)
+    yarns = [
+        Yarn(np.stack([line, 0 * line, 0 * line], axis=1), (1, 0)),
+        Yarn(np.stack([0 * line + 4.0, line - 4.0, 0 * line + 0.1], axis=1), (0, 1)),
+    ]
+    mechanics = RodMechanics(np.ones(2), np.ones(2), 1e3, np.ones(2))
+    with pytest.raises(GeometryError, match="not clear which is above"):
+        relax_yarns(yarns, 8.0 * np.eye(2, 3), mechanics, GIVEN)
