@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.rotation_strain import RotationStrain as RotationStrain
     from spacemap_vtk.filters.tetra_cage import TetraCage as TetraCage
     from spacemap_vtk.filters.transient_response import TransientResponse as TransientResponse
+    from spacemap_vtk.filters.textile_source import TextileSource as TextileSource
     from spacemap_vtk.filters.weave_source import WeaveSource as WeaveSource
 
 __version__ = "0.1.0"
@@ -34,6 +35,7 @@ __version__ = "0.1.0"
 #: several filters have the same role, a scene uses the first, unless it has the section of another.
 FILTERS = {
     "WeaveSource": "spacemap_vtk.filters.weave_source",
+    "TextileSource": "spacemap_vtk.filters.textile_source",
     "ObjectSource": "spacemap_vtk.filters.object_source",
     "TetraCage": "spacemap_vtk.filters.tetra_cage",
     "LayerContact": "spacemap_vtk.filters.layer_contact",

@@ -7,7 +7,7 @@ import pytest
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-from spacemap_vtk.textile.rods.knit import POINTS, guess_knit
+from spacemap_vtk.textile.rods.knit import POINTS, draw_knit
 from spacemap_vtk.textile.rods.relax import relax_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
@@ -17,7 +17,7 @@ RECTANGLE = np.array([[True, False, False], [False, True, False]])
 
 
 def relax_knit(rows, length=16.0, noise=0.0, seed=0):
-    guess = guess_knit(rows, 1.0, length)
+    guess = draw_knit(rows, 1.0, length)
     random = np.random.default_rng(seed)
     yarns = [
         yarn._replace(points=yarn.points + noise * random.normal(size=yarn.points.shape))

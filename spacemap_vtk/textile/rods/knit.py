@@ -1,4 +1,8 @@
-"""First guess of a weft knit's yarns from its stitches."""
+"""Weft knits: loops drawn from stitches, and relaxed.
+
+Shapes follow from the number of diameters in a stitch alone, if the yarn hardly stretches. So all
+lengths here are in diameters.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +11,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.rods.crossings import find_crossings
+from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.lift import lift_yarns
+from spacemap_vtk.textile.rods.relax import Relaxed, relax_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Control points of a stitch.
 POINTS = 24
-#: Shape of a loop: width of its neck against the wale spacing, and height over the course spacing.
+#: Shape of a loop that is drawn: width of its neck against the wale spacing, and height over the
+#: course spacing.
 _NECK, _HEIGHT = 0.18, 0.80
+#: Wale and course spacing of the drawing, as shares of the length of a stitch.
+_WALE, _COURSE = 1 / 4, 1 / 5
+#: Stiffness in tension and contact, for a bending stiffness and a diameter of 1: yarns stretch by
+#: less than 0.1 % and overlap by less than 0.6 %.
+_TENSION, _CONTACT = 1e3, 3e3
+#: Diameters of yarn in a stitch for which loops are possible and hold each other.
+SHORTEST, LONGEST = 12.0, 40.0
 
 
 class KnitGuess(NamedTuple):
@@ -26,59 +40,110 @@ class KnitGuess(NamedTuple):
     cell: Floats
 
 
-def guess_knit(rows: Sequence[str], diameter: float, stitch_length: float) -> KnitGuess:
-    """Draw the loops of a knit.
+def draw_knit(rows: Sequence[str], length: float) -> KnitGuess:
+    """Draw the loops of a knit, each through the loop below it.
 
     Parameters
     ----------
     rows : sequence of str
         Stitches of a repeat, the lowest row first: k for knit and p for purl, seen from the face.
-    diameter : float
-        Diameter of the yarn [m].
-    stitch_length : float
-        Length of yarn in a stitch [m].
+    length : float
+        Length of yarn in a stitch [diameters].
 
     Returns
     -------
     KnitGuess
-        Each row is one yarn along x.
-
-    Raises
-    ------
-    InputError
-        If the rows have no stitches, different lengths, or an unknown letter.
+        Each row is one yarn along x; the face looks along z.
     """
-    width = len(rows[0]) if rows else 0
-    if not width or any(len(row) != width for row in rows) or set("".join(rows)) - set("kp"):
-        raise InputError(
-            "these are no stitches of a knit",
-            key="rows",
-            value=list(rows),
-            allowed="rows of equal length, of the letters k and p",
-        )
-    wale, course = stitch_length / 4.0, stitch_length / 5.0
+    width = len(rows[0])
+    wale, course = _WALE * length, _COURSE * length
     t = 2 * np.pi * (np.arange(width * POINTS) - 1) / POINTS
     x = wale * (t / (2 * np.pi) + _NECK * np.sin(2 * t))
     y = _HEIGHT * course * np.cos(t)
     flat = [
-        Yarn(np.stack([x, y + row * course, 0 * x], axis=1), (1, 0), diameter)
-        for row in range(len(rows))
+        Yarn(np.stack([x, y + row * course, 0 * x], axis=1), (1, 0)) for row in range(len(rows))
     ]
     cell = np.array([[wale * width, 0.0, 0.0], [0.0, course * len(rows), 0.0]])
     crossings = find_crossings(flat, cell)
-    # The loops of a row are drawn through those of the row below it: seen from the face, the legs
-    # of a knit stitch lie above the head of the loop below, and its feet below that loop's legs.
-    height = crossings.yarns + len(rows) * np.stack(
-        [np.zeros(len(crossings.yarns), dtype=np.int64), crossings.shift[:, 1]], axis=1
-    )
+    # Seen from the face, the legs of a knit stitch lie above the head of the loop below, and its
+    # feet below the legs of that loop; those of a purl stitch the other way round.
+    height = crossings.yarns.copy()
+    height[:, 1] += len(rows) * crossings.shift[:, 1]
     upper = height.argmax(axis=1)[:, None]
-    phase = crossings.parameters / POINTS
-    from_foot = abs(np.take_along_axis(phase, upper, 1) % 1.0 - 0.5)[:, 0]
-    other = np.take_along_axis(phase, 1 - upper, 1)[:, 0]
-    from_head = abs(other - np.round(other))
-    stitches = np.array([list(row) for row in rows])
-    stitch = np.round(np.take_along_axis(phase, upper, 1)[:, 0]).astype(int) % width
-    knit = stitches[np.take_along_axis(crossings.yarns, upper, 1)[:, 0], stitch] == "k"
-    is_leg = from_head < from_foot
-    upper_is_above = is_leg == knit
+    stitch = crossings.parameters / POINTS
+    above, below = (
+        np.take_along_axis(stitch, side, axis=1)[:, 0] for side in (upper, 1 - upper)
+    )
+    from_foot, from_head = abs(above % 1.0 - 0.5), abs(below - np.round(below))
+    row = np.take_along_axis(crossings.yarns, upper, axis=1)[:, 0]
+    is_knit = np.array([list(each) for each in rows])[row, np.round(above).astype(int) % width]
+    upper_is_above = (from_head < from_foot) == (is_knit == "k")
     return KnitGuess(lift_yarns(flat, crossings, upper_is_above == (upper[:, 0] == 0)), cell)
+
+
+def relax_knit(
+    rows: Sequence[str], length: float, progress: Progress | None = None
+) -> Relaxed:
+    """Relax a knit without friction or set, in a cell that follows its yarns.
+
+    Parameters
+    ----------
+    rows : sequence of str
+        As for `draw_knit`.
+    length : float
+        Length of yarn in a stitch [diameters].
+    progress : callable, optional
+        Called with the share that is done, 0 to 1; may raise to stop.
+
+    Returns
+    -------
+    Relaxed
+        Yarns at rest, in diameters, for a bending stiffness of 1.
+
+    Raises
+    ------
+    GeometryError
+        If a stitch is too short for loops that hold each other, or too long.
+    SolverError
+        If the yarns do not come to rest.
+    """
+    if not SHORTEST <= length <= LONGEST:
+        raise GeometryError(
+            "a stitch has too little or too much yarn",
+            key="stitch_length",
+            value=f"{length:.4g} diameters",
+            allowed=f"{SHORTEST:g} to {LONGEST:g} diameters; usual knits have 14 to 25",
+        )
+    guess, count = draw_knit(rows, length), len(rows)
+    mechanics = RodMechanics(
+        np.full(count, _TENSION), np.ones(count), _CONTACT, np.full(count, length / POINTS)
+    )
+    free = np.array([[True, False, False], [False, True, False]])
+    return relax_yarns(guess.yarns, guess.cell, mechanics, free, progress=progress)
+
+
+def repeat_knit(yarns: Sequence[Yarn], cell: Floats, wales: int, courses: int) -> list[Floats]:
+    """Repeat the yarns of a cell over a piece of knit.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Yarns of a repeat, one for each row.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors.
+    wales, courses : int
+        Stitches across, and rows.
+
+    Returns
+    -------
+    list of ndarray of float64, shape (24 wales + 3, 3)
+        Control points of the yarn of each course, the lowest first.
+    """
+    lines, count = [], POINTS * wales + 3
+    for course in range(courses):
+        turn, row = divmod(course, len(yarns))
+        points = yarns[row].points
+        repeats = -(-count // len(points))
+        along = np.concatenate([points + k * cell[0] for k in range(repeats)])[:count]
+        lines.append(along + turn * cell[1])
+    return lines

@@ -1,0 +1,203 @@
+"""TextileSource: textiles whose yarns are relaxed by their own mechanics, as Bézier patches."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk import cache
+from spacemap_vtk.datasets.arrays import add_array, add_number
+from spacemap_vtk.datasets.cloth_data import set_patches
+from spacemap_vtk.filters.base import ProvidedArray, Stage
+from spacemap_vtk.filters.textile import FabricFigure, Textile
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
+from spacemap_vtk.memory import require_memory
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
+from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.sweep import sweep
+from spacemap_vtk.textile.rods.knit import POINTS, relax_knit, repeat_knit
+from spacemap_vtk.textile.rods.stitches import GRAMMAR, STRUCTURES, parse_rows
+from spacemap_vtk.textile.rods.tubes import PARTS, spline_lines
+from spacemap_vtk.textile.rods.yarns import Yarn
+from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
+
+#: Length of yarn in a stitch, in diameters, if none is given.
+STITCH = 16.0
+#: Bytes for each part of a tube, measured and rounded up.
+_PART_BYTES = 2000
+
+
+class Stitches(Parameter[Any]):
+    """Rows of stitches: a structure's name, or letters."""
+
+    kind = "stitches"
+    annotation = "str or sequence of str"
+    expected = GRAMMAR
+
+    def convert(self, value: Any) -> tuple[str, ...]:
+        """Convert to rows of equal length."""
+        return parse_rows(value)
+
+    def text(self, value: Any) -> str:
+        """Format as a structure's name, or as rows with commas."""
+        names = [name for name, rows in STRUCTURES.items() if rows == value]
+        return f'"{names[0]}"' if names else f'"{", ".join(value)}"'
+
+
+class TextileSource(Textile, Stage):
+    """Make a knit whose yarns have come to rest, as bicubic Bézier patches.
+
+    Yarns are elastic rods: inextensible, round, without friction, straight if free. Their loops are
+    drawn from the stitches and relaxed to the least bending energy, in a repeat whose size follows
+    from the yarns alone. Courses run along x, wales along y, and the face looks along z.
+
+    Notes
+    -----
+    Real knits have friction and are set by washing or steaming, so that measured spacings differ:
+    D. L. Munden, "The Geometry and Dimensional Properties of Plain-knit Fabrics", J. Textile Inst.
+    50 (1959) T448, found loop length over course and wale spacing of 5.5 and 4.2 for fully relaxed
+    wool at any stitch length; here they are 5.4 and 4.0 for 16 diameters, and change with it.
+
+    Examples
+    --------
+    >>> from spacemap_vtk import TextileSource
+    >>> TextileSource(rows="rib 1x1", wales=10).rows
+    ('kp',)
+    """
+
+    section = "textile"
+    role = "source"
+    provides: ClassVar = {
+        "yarn": ProvidedArray("cell"),
+        "family": ProvidedArray("cell"),
+        "color": ProvidedArray("cell"),
+    }
+
+    kind = Choice("knit", "Kind of textile.", ["knit"])
+    rows = Stitches("stockinette", "Stitches of a repeat, seen from the face.")
+    wales = Integer(8, "Number of stitches in a course.", minimum=1, maximum=10_000)
+    courses = Integer(8, "Number of courses.", minimum=1, maximum=10_000)
+    diameter = Real(
+        "0.5 mm",
+        "Diameter of the yarn.",
+        unit="m",
+        above=0.0,
+        plausible=(1e-6, 0.05),
+        usual_units="mm",
+    )
+    stitch_length = Real(
+        None,
+        "Length of yarn in a stitch.",
+        unit="m",
+        above=0.0,
+        plausible=(1e-5, 1.0),
+        usual_units="mm",
+        automatic="16 diameters",
+    )
+    fibre_density = Real(
+        COTTON, "Density of the fibres; the default is that of cotton.", unit="kg/m3", above=0.0
+    )
+    packing = Real(
+        PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
+    )
+    color = Series(
+        Color("#c8553d", "Colour of the courses; a list is repeated over them."),
+        automatic="#c8553d",
+    )
+
+    _relaxed: tuple[str, list[Yarn], Floats, float] | None = None
+
+    def _rest(self) -> tuple[list[Yarn], Floats, float]:
+        """Return the relaxed yarns of a repeat, its cell, and the largest overlap; in diameters."""
+        length = STITCH if self.stitch_length is None else self.stitch_length / self.diameter
+        key = digest_of("knit", *self.rows, length)
+        if self._relaxed is None or self._relaxed[0] != key:
+            shape = (len(self.rows), POINTS * len(self.rows[0]), 3)
+            found = cache.load(key, points=shape, cell=(2, 3), overlap=(1,))
+            if found is None:
+                made = relax_knit(self.rows, length, self.report_progress)
+                points = np.stack([yarn.points for yarn in made.yarns])
+                found = {"points": points, "cell": made.cell, "overlap": np.array([made.overlap])}
+                cache.store(key, **found)
+            yarns = [Yarn(points, (1, 0)) for points in found["points"]]
+            self._relaxed = key, yarns, found["cell"], float(found["overlap"][0])
+        return self._relaxed[1:]
+
+    @property
+    def yarn_diameters(self) -> Floats:
+        """Diameter of the yarn of each course [m]."""
+        return np.full(self.courses, self.diameter)
+
+    @property
+    def families(self) -> dict[str, int]:
+        """Number of courses, each of one yarn."""
+        return {"courses": self.courses}
+
+    @property
+    def closed(self) -> bool:
+        """Whether caps close the ends of yarns: always."""
+        return True
+
+    @property
+    def linear_densities(self) -> Floats:
+        """Mass per length of each yarn [kg/m]."""
+        area = section_factor(1.0, "circular") * self.diameter**2
+        return np.full(self.courses, self.fibre_density * self.packing * area)
+
+    @property
+    def figures(self) -> list[FabricFigure]:
+        """Spacings, loop length, their ratios, thickness, and mass per area."""
+        yarns, cell, overlap = self._rest()
+        wale = float(cell[0, 0]) / len(self.rows[0]) * self.diameter
+        course = float(cell[1, 1]) / len(self.rows) * self.diameter
+        loop = self.stitch_length or STITCH * self.diameter
+        height = np.concatenate([yarn.points[:, 2] for yarn in yarns])
+        mass = float(self.linear_densities[0]) * loop / (wale * course)
+        return [
+            FabricFigure("course_spacing", "course spacing", course, "m"),
+            FabricFigure("wale_spacing", "wale spacing", wale, "m"),
+            FabricFigure("loop_length", "loop length", loop, "m"),
+            FabricFigure("kc", "loop length over course spacing", loop / course),
+            FabricFigure("kw", "loop length over wale spacing", loop / wale),
+            FabricFigure("thickness", "thickness", (np.ptp(height) + 1.0) * self.diameter, "m"),
+            FabricFigure("areal_mass", "mass per area", mass, "kg/m2"),
+            FabricFigure("largest_overlap", "largest overlap over the diameter", overlap),
+        ]
+
+    def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
+        """Relax a repeat, and sweep the yarns of the piece."""
+        parts = self.wales * self.courses * POINTS * PARTS
+        require_memory(
+            parts * _PART_BYTES,
+            f"a knit of {self.wales} x {self.courses} stitches",
+            key="wales",
+            value=self.wales,
+            cure="Use fewer wales and courses.",
+        )
+        yarns, cell, _ = self._rest()
+        lines = np.array(repeat_knit(yarns, cell, self.wales, self.courses)) * self.diameter
+        low, high = lines.min(axis=(0, 1)), lines.max(axis=(0, 1))
+        made = sweep(
+            [
+                (
+                    spline_lines(list(lines - (low + high) / 2), self.yarn_diameters),
+                    build_section("circular", 1.0, False),
+                )
+            ],
+            caps=True,
+            exact=False,
+        )
+        set_patches(output, made)
+        cells = output.GetCellData()
+        add_array(cells, "yarn", made.line)
+        add_array(cells, "family", np.zeros(len(made.line), dtype=np.int32))
+        series = type(self).color
+        several = series.items(self.color) if self.color is not None else None
+        colors = np.array(several or [self.color or (200, 85, 61)], dtype=np.uint8)
+        add_array(cells, "color", colors[made.line % len(colors)])
+        mass = next(one.value for one in self.figures if one.key == "areal_mass")
+        assert mass is not None
+        add_number(output.GetFieldData(), "areal_mass", mass)

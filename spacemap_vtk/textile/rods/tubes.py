@@ -1,0 +1,100 @@
+"""Tubes along relaxed yarns: parts of their splines with frames that do not twist."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.geometry.sweep import CentreLines
+from spacemap_vtk.textile.rods.yarns import basis_functions
+
+#: Parts of each span: shorter parts miss the radius by less where a yarn bends sharply.
+PARTS = 2
+
+
+def spline_lines(
+    points: Sequence[Floats], diameters: Floats, up: Floats | None = None
+) -> CentreLines:
+    """Convert uniform cubic B-splines to the centre lines of tubes.
+
+    Parameters
+    ----------
+    points : sequence of ndarray of float64, shape (n, 3)
+        Control points of each yarn [m]; it reaches from the second to the last but one.
+    diameters : ndarray of float64, shape (Y,)
+        Diameters [m].
+    up : ndarray of float64, shape (3,), optional
+        Direction towards which the frames begin to look; by default z.
+
+    Returns
+    -------
+    CentreLines
+        Lines of `PARTS` cubics for each span, exactly on the splines.
+
+    Notes
+    -----
+    Frames are carried along by double reflection: W. Wang, B. Jüttler, D. Zheng, Y. Liu,
+    "Computation of Rotation Minimizing Frames", ACM Trans. Graph. 27 (2008) 2.
+    """
+    places, slopes, bends, parts = [], [], [], []
+    for line in points:
+        count = len(line) - 3
+        at = np.append(np.tile(np.arange(PARTS) / PARTS, count), 1.0)
+        span = np.append(np.repeat(np.arange(count), PARTS), count - 1)
+        corners = line[span[:, None] + np.arange(4)]
+        place, slope, bend = (np.einsum("sk,skc->sc", n, corners) for n in basis_functions(at))
+        places.append(place)
+        slopes.append(slope / PARTS)
+        bends.append(bend / PARTS**2)
+        parts.append(count * PARTS)
+    speeds = [np.linalg.norm(slope, axis=1) for slope in slopes]
+    tangents = [slope / speed[:, None] for slope, speed in zip(slopes, speeds, strict=True)]
+    normals = [
+        _carry_frames(place, tangent, np.array([0.0, 0.0, 1.0]) if up is None else up)
+        for place, tangent in zip(places, tangents, strict=True)
+    ]
+    place, slope, bend, speed, tangent, normal = (
+        np.concatenate(each) for each in (places, slopes, bends, speeds, tangents, normals)
+    )
+    lateral = np.cross(normal, tangent)
+    curved = (bend - tangent * (bend * tangent).sum(axis=1)[:, None]) / speed[:, None] ** 2
+    number = np.array(parts)
+    first = np.arange(number.sum()) + np.repeat(np.arange(len(number)), number)
+
+    def at_ends(values: Floats) -> Floats:
+        return np.stack([values[first], values[first + 1]])
+
+    return CentreLines(
+        np.arange(len(points)),
+        np.asarray(diameters, dtype=np.float64) / 2,
+        number,
+        tuple(place.T),
+        tuple(tangent.T),
+        tuple(normal.T),
+        tuple(lateral.T),
+        at_ends((curved * normal).sum(axis=1)),
+        at_ends(speed) / 3.0,
+        np.ones(1),
+        at_ends((curved * lateral).sum(axis=1)),
+    )
+
+
+def _carry_frames(place: Floats, tangent: Floats, up: Floats) -> Floats:
+    """Carry a normal along a line without twisting it about the line, (n, 3)."""
+    normal = np.empty_like(place)
+    start = up - tangent[0] * (tangent[0] @ up)
+    if np.linalg.norm(start) < 1e-3:
+        start = np.eye(3)[abs(tangent[0]).argmin()]
+        start = start - tangent[0] * (tangent[0] @ start)
+    normal[0] = start / np.linalg.norm(start)
+    for k in range(len(place) - 1):
+        chord = place[k + 1] - place[k]
+        share = 2.0 / (chord @ chord)
+        turned = normal[k] - share * (chord @ normal[k]) * chord
+        ahead = tangent[k] - share * (chord @ tangent[k]) * chord
+        mirror = tangent[k + 1] - ahead
+        size = mirror @ mirror
+        normal[k + 1] = turned - (2.0 / size * (mirror @ turned) * mirror if size > 0.0 else 0.0)
+    return normal
