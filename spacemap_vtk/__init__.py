@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.patch_tessellator import PatchTessellator as PatchTessellator
     from spacemap_vtk.filters.rotation_strain import RotationStrain as RotationStrain
     from spacemap_vtk.filters.tetra_cage import TetraCage as TetraCage
-    from spacemap_vtk.filters.transient_response import TransientResponse as TransientResponse
     from spacemap_vtk.filters.textile_source import TextileSource as TextileSource
+    from spacemap_vtk.filters.transient_response import TransientResponse as TransientResponse
     from spacemap_vtk.filters.weave_source import WeaveSource as WeaveSource
 
 __version__ = "0.1.0"

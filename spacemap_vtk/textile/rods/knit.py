@@ -71,9 +71,7 @@ def draw_knit(rows: Sequence[str], length: float) -> KnitGuess:
     height[:, 1] += len(rows) * crossings.shift[:, 1]
     upper = height.argmax(axis=1)[:, None]
     stitch = crossings.parameters / POINTS
-    above, below = (
-        np.take_along_axis(stitch, side, axis=1)[:, 0] for side in (upper, 1 - upper)
-    )
+    above, below = (np.take_along_axis(stitch, side, axis=1)[:, 0] for side in (upper, 1 - upper))
     from_foot, from_head = abs(above % 1.0 - 0.5), abs(below - np.round(below))
     row = np.take_along_axis(crossings.yarns, upper, axis=1)[:, 0]
     is_knit = np.array([list(each) for each in rows])[row, np.round(above).astype(int) % width]
@@ -81,9 +79,7 @@ def draw_knit(rows: Sequence[str], length: float) -> KnitGuess:
     return KnitGuess(lift_yarns(flat, crossings, upper_is_above == (upper[:, 0] == 0)), cell)
 
 
-def relax_knit(
-    rows: Sequence[str], length: float, progress: Progress | None = None
-) -> Relaxed:
+def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = None) -> Relaxed:
     """Relax a knit without friction or set, in a cell that follows its yarns.
 
     Parameters

@@ -34,7 +34,7 @@ def lift_yarns(yarns: Sequence[Yarn], crossings: Crossings, above: Bools) -> lis
         Yarns with heights z: as little bent as possible, with about a mean diameter between the
         centre lines of any two that cross.
     """
-    from scipy.sparse import bmat, coo_matrix, csr_matrix, vstack
+    from scipy.sparse import block_diag, csr_matrix, vstack
     from scipy.sparse.linalg import spsolve
 
     counts = np.array([len(yarn.points) for yarn in yarns])
@@ -43,13 +43,11 @@ def lift_yarns(yarns: Sequence[Yarn], crossings: Crossings, above: Bools) -> lis
     bends = []
     for yarn, count in zip(yarns, counts, strict=True):
         middle = np.arange(count) if yarn.periods is not None else np.arange(1, count - 1)
-        rows = np.arange(len(middle))
-        values = np.repeat([1.0, -2.0, 1.0], len(rows))
+        rows = np.tile(np.arange(len(middle)), 3)
         columns = np.concatenate([middle - 1, middle, middle + 1]) % count
-        bends.append(coo_matrix((values, (np.tile(rows, 3), columns)), shape=(len(rows), count)))
-    bend = bmat(
-        [[each if i == j else None for j in range(len(bends))] for i, each in enumerate(bends)]
-    )
+        values = np.repeat([1.0, -2.0, 1.0], len(middle))
+        bends.append(csr_matrix((values, (rows, columns)), shape=(len(middle), count)))
+    bend = block_diag(bends)
 
     def heights(side: int) -> csr_matrix:
         span, t = np.divmod(crossings.parameters[:, side], 1.0)

@@ -128,9 +128,12 @@ def relax_yarns(
         if progress is not None:
             progress(number / len(STAGES))
     state = energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
-    ends = np.cumsum([len(yarn.points) for yarn in yarns])
+    ends = np.cumsum([len(yarn.points) for yarn in yarns])[:-1]
     return Relaxed(
-        [yarn._replace(points=points) for yarn, points in zip(yarns, np.split(z, ends))],
+        [
+            yarn._replace(points=points)
+            for yarn, points in zip(yarns, np.split(z[:-2], ends), strict=True)
+        ],
         z[-2:].copy(),
         state,
         energy.lengths(z),
