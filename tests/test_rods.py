@@ -7,7 +7,7 @@ import pytest
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-from spacemap_vtk.textile.rods.knit import POINTS, draw_knit
+from spacemap_vtk.textile.rods.knit import draw_knit, relax_knit
 from spacemap_vtk.textile.rods.relax import relax_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
@@ -16,20 +16,10 @@ GIVEN = np.zeros((2, 3), dtype=bool)
 RECTANGLE = np.array([[True, False, False], [False, True, False]])
 
 
-def relax_knit(rows, length=16.0, noise=0.0, seed=0):
-    guess = draw_knit(rows, 1.0, length)
-    random = np.random.default_rng(seed)
-    yarns = [
-        yarn._replace(points=yarn.points + noise * random.normal(size=yarn.points.shape))
-        for yarn in guess.yarns
-    ]
-    count = len(rows)
-    mechanics = RodMechanics(
-        np.full(count, 1e3), np.ones(count), 3e3, np.full(count, length / POINTS)
-    )
-    found = relax_yarns(yarns, guess.cell, mechanics, RECTANGLE)
-    wale, course = found.cell[0, 0] / len(rows[0]), found.cell[1, 1] / count
-    return found, wale, course
+def spacings(rows):
+    """Relax a knit of 16 diameters in a stitch; return it, wale and course spacing."""
+    found = relax_knit(rows, 16.0)
+    return found, found.cell[0, 0] / len(rows[0]), found.cell[1, 1] / len(rows)
 
 
 def test_gradient_and_tangent_are_the_derivatives_of_the_energy():
@@ -101,25 +91,32 @@ def test_a_trefoil_is_as_short_as_the_tightest_that_is_known():
 
 
 def test_stockinette_has_the_loops_of_another_solution():
-    found, wale, course = relax_knit(["k"])
+    found, wale, course = spacings(["k"])
     assert 16 / course == pytest.approx(5.42, rel=0.005)
     assert 16 / wale == pytest.approx(3.97, rel=0.005)
     assert found.overlap < 0.005
 
 
 def test_rib_is_narrow_and_garter_short_and_both_are_thick():
-    plain, wale, course = relax_knit(["k"])
+    plain, wale, course = spacings(["k"])
     thick = np.ptp(plain.yarns[0].points[:, 2]) + 1.0
-    rib, narrow, _ = relax_knit(["kp"])
+    rib, narrow, _ = spacings(["kp"])
     assert narrow / wale == pytest.approx(0.50, abs=0.03)
     assert (np.ptp(rib.yarns[0].points[:, 2]) + 1.0) / thick == pytest.approx(2.4, abs=0.1)
-    _, _, short = relax_knit(["k", "p"])
+    _, _, short = spacings(["k", "p"])
     assert 0.69 < short / course < 0.75
 
 
 @pytest.mark.nightly
 def test_ten_perturbed_starts_come_to_one_state():
-    energies = [relax_knit(["k"], noise=0.05, seed=k)[0].state.energy for k in range(10)]
+    guess, random = draw_knit(["k"], 16.0), np.random.default_rng(0)
+    mechanics = RodMechanics(np.array([1e3]), np.ones(1), 3e3, np.array([16.0 / 24]))
+    energies = []
+    for _ in range(10):
+        yarn = guess.yarns[0]
+        moved = yarn.points + 0.05 * random.normal(size=yarn.points.shape)
+        start = [yarn._replace(points=moved)]
+        energies.append(relax_yarns(start, guess.cell, mechanics, RECTANGLE).state.energy)
     assert np.ptp(energies) < 1e-4 * energies[0]
 
 

@@ -42,7 +42,8 @@ from spacemap_vtk.textile.weave.double_weave import Layers
 from spacemap_vtk.textile.weave.threads import SECTIONS, Lengths, Threads
 
 if TYPE_CHECKING:
-    from spacemap_vtk.textile.geometry.weave import Weave
+    from spacemap_vtk.textile.geometry.sweep import SweptTubes
+from spacemap_vtk.textile.geometry.weave import Weave
 
 #: Prefix of the names of all field arrays of a cloth.
 _PREFIX = "cloth_"
@@ -60,8 +61,8 @@ _LAYERS = _PREFIX + "layers"
 _GAP = _PREFIX + "layer_gap"
 
 
-def set_patches(grid: vtkUnstructuredGrid, made: Weave) -> None:
-    """Set the points and cells of a grid to the patches of a weave."""
+def set_patches(grid: vtkUnstructuredGrid, made: Weave | SweptTubes) -> None:
+    """Set the points and cells of a grid to the patches of yarns."""
     grid.SetPoints(to_points(made.points))
     grid.SetCells(VTK_BEZIER_QUADRILATERAL, to_cells(made.patches))
     if made.weights is not None:

@@ -26,6 +26,8 @@ from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
 
 #: Length of yarn in a stitch, in diameters, if none is given.
 STITCH = 16.0
+#: Colour of yarns, if none is given.
+COLOR = (200, 85, 61)
 #: Bytes for each part of a tube, measured and rounded up.
 _PART_BYTES = 2000
 
@@ -104,7 +106,7 @@ class TextileSource(Textile, Stage):
         PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
     )
     color = Series(
-        Color("#c8553d", "Colour of the courses; a list is repeated over them."),
+        Color(COLOR, "Colour of the courses; a list is repeated over them."),
         automatic="#c8553d",
     )
 
@@ -194,9 +196,7 @@ class TextileSource(Textile, Stage):
         cells = output.GetCellData()
         add_array(cells, "yarn", made.line)
         add_array(cells, "family", np.zeros(len(made.line), dtype=np.int32))
-        series = type(self).color
-        several = series.items(self.color) if self.color is not None else None
-        colors = np.array(several or [self.color or (200, 85, 61)], dtype=np.uint8)
+        colors = np.reshape(COLOR if self.color is None else self.color, (-1, 3)).astype(np.uint8)
         add_array(cells, "color", colors[made.line % len(colors)])
         mass = next(one.value for one in self.figures if one.key == "areal_mass")
         assert mass is not None

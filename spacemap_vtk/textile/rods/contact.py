@@ -52,8 +52,8 @@ def find_pairs(samples: Samples, z: Floats, length: Floats, reach: float) -> Pai
 
     place, cell = samples.place @ z, z[-2:]
     tree = cKDTree(place)
-    found = [Pairs(*tree.query_pairs(reach, output_type="ndarray").T, np.zeros((0, 2), int))]
-    found[0] = found[0]._replace(shift=np.zeros((len(found[0].first), 2), dtype=np.int64))
+    first, second = tree.query_pairs(reach, output_type="ndarray").T
+    found = [Pairs(first, second, np.zeros((len(first), 2), dtype=np.int64))]
     for move in neighbouring_cells(place, cell, reach):
         near = tree.sparse_distance_matrix(
             cKDTree(place + move @ cell), reach, output_type="coo_matrix"

@@ -172,7 +172,7 @@ def _same_word(
         return False
 
     def letters(word: list[tuple[int, tuple[int, int], bool]], turned: int) -> list[object]:
-        found = []
+        found: list[object] = []
         for place in range(len(word)):
             turn, index = divmod(place + turned, len(word))
             other, shift, above = word[index]

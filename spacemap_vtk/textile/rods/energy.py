@@ -73,13 +73,15 @@ class State:
         csr_matrix
             Symmetric matrix.
         """
-        total = 0
+        from scipy.sparse import csr_matrix
+
+        total = csr_matrix((self.z.size, self.z.size))
         for wide, blocks in self._products:
             if definite:
                 values, vectors = np.linalg.eigh(blocks)
                 blocks = (vectors * np.maximum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
             total = total + wide.T @ (_block_diagonal(blocks) @ wide)
-        return total.tocsr()
+        return total
 
 
 class RodEnergy:
@@ -198,7 +200,8 @@ class RodEnergy:
     def lengths(self, z: Floats) -> Floats:
         """Compute the length of each yarn in one period [m], (Y,)."""
         speed = np.linalg.norm(self.samples.slope @ z, axis=1)
-        return np.bincount(self.samples.yarn, speed * self.samples.weight)
+        lengths = np.bincount(self.samples.yarn, speed * self.samples.weight)
+        return np.asarray(lengths, dtype=np.float64)
 
     @cached_property
     def _slopes_and_bends(self) -> csr_matrix:

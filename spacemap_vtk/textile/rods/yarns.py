@@ -125,13 +125,17 @@ def sample_yarns(yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _
     columns = np.concatenate([node, np.tile([total, total + 1], (len(node), 1))], axis=1)
     columns = np.repeat(columns, len(at), axis=0).ravel()
     starts = np.arange(0, 6 * rows + 1, 6)
-    matrices = []
-    for shape in shapes:
+
+    def matrix(shape: Floats) -> csr_matrix:
         own = np.broadcast_to(shape, (len(node), *shape.shape))
         values = np.concatenate([own, own @ wrap], axis=2)
-        matrices.append(csr_matrix((values.ravel(), columns, starts), shape=(rows, total + 2)))
+        return csr_matrix((values.ravel(), columns, starts), shape=(rows, total + 2))
+
+    place, slope, bend = map(matrix, shapes)
     return Samples(
-        *matrices,
+        place,
+        slope,
+        bend,
         np.tile(weights, len(node)),
         np.concatenate(owner),
         np.concatenate(where),
