@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
@@ -14,7 +15,7 @@ from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.textile import FabricFigure, Textile
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
 from spacemap_vtk.textile.geometry.section import build_section
 from spacemap_vtk.textile.geometry.sweep import sweep
@@ -110,6 +111,13 @@ class TextileSource(Textile, Stage):
         automatic="#c8553d",
     )
 
+    edges = Choice(
+        "turned",
+        "Sides of the piece. turned: the yarn turns and knits the next course, except where the "
+        "colour changes; cut: each course ends in the middle of a loop.",
+        ["turned", "cut"],
+    )
+
     _relaxed: tuple[str, list[Yarn], Floats, float] | None = None
 
     def _rest(self) -> tuple[list[Yarn], Floats, float]:
@@ -128,15 +136,17 @@ class TextileSource(Textile, Stage):
             self._relaxed = key, yarns, found["cell"], float(found["overlap"][0])
         return self._relaxed[1:]
 
-    @property
-    def yarn_diameters(self) -> Floats:
-        """Diameter of the yarn of each course [m]."""
-        return np.full(self.courses, self.diameter)
+    def _courses(self) -> tuple[NDArray[np.uint8], Bools]:
+        """Return the colour of each course, and whether its yarn is that of the course below."""
+        given = np.reshape(COLOR if self.color is None else self.color, (-1, 3)).astype(np.uint8)
+        colors = given[np.arange(self.courses) % len(given)]
+        alike = (colors[1:] == colors[:-1]).all(axis=1)
+        return colors, alike & (self.edges == "turned")
 
     @property
-    def families(self) -> dict[str, int]:
-        """Number of courses, each of one yarn."""
-        return {"courses": self.courses}
+    def yarn_diameters(self) -> Floats:
+        """Diameter of each yarn [m]."""
+        return np.full(self.courses - int(self._courses()[1].sum()), self.diameter)
 
     @property
     def closed(self) -> bool:
@@ -147,7 +157,7 @@ class TextileSource(Textile, Stage):
     def linear_densities(self) -> Floats:
         """Mass per length of each yarn [kg/m]."""
         area = section_factor(1.0, "circular") * self.diameter**2
-        return np.full(self.courses, self.fibre_density * self.packing * area)
+        return np.full(len(self.yarn_diameters), self.fibre_density * self.packing * area)
 
     @property
     def figures(self) -> list[FabricFigure]:
@@ -180,12 +190,19 @@ class TextileSource(Textile, Stage):
             cure="Use fewer wales and courses.",
         )
         yarns, cell, _ = self._rest()
-        lines = np.array(repeat_knit(yarns, cell, self.wales, self.courses)) * self.diameter
-        low, high = lines.min(axis=(0, 1)), lines.max(axis=(0, 1))
+        colors, joined = self._courses()
+        lines = repeat_knit(yarns, cell, self.wales, self.courses, joined.tolist())
+        lines = [line * self.diameter for line in lines]
+        low, high = (
+            end(np.stack([end(line, axis=0) for line in lines]), axis=0) for end in (np.min, np.max)
+        )
         made = sweep(
             [
                 (
-                    spline_lines(list(lines - (low + high) / 2), self.yarn_diameters),
+                    spline_lines(
+                        [line - (low + high) / 2 for line in lines],
+                        self.yarn_diameters,
+                    ),
                     build_section("circular", 1.0, False),
                 )
             ],
@@ -196,8 +213,7 @@ class TextileSource(Textile, Stage):
         cells = output.GetCellData()
         add_array(cells, "yarn", made.line)
         add_array(cells, "family", np.zeros(len(made.line), dtype=np.int32))
-        colors = np.reshape(COLOR if self.color is None else self.color, (-1, 3)).astype(np.uint8)
-        add_array(cells, "color", colors[made.line % len(colors)])
+        add_array(cells, "color", colors[np.append(True, ~joined)][made.line])
         mass = next(one.value for one in self.figures if one.key == "areal_mass")
         assert mass is not None
         add_number(output.GetFieldData(), "areal_mass", mass)

@@ -26,6 +26,8 @@ POINTS = 24
 _NECK, _HEIGHT = 0.18, 0.80
 #: Wale and course spacing of the drawing, as shares of the length of a stitch.
 _WALE, _COURSE = 1 / 4, 1 / 5
+#: Depth of the loops at a selvedge over half of the course spacing.
+_SELVEDGE = 0.6
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1: yarns stretch by
 #: less than 0.1 % and overlap by less than 0.6 %.
 _TENSION, _CONTACT = 1e3, 3e3
@@ -118,7 +120,9 @@ def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = N
     return relax_yarns(guess.yarns, guess.cell, mechanics, free, progress=progress)
 
 
-def repeat_knit(yarns: Sequence[Yarn], cell: Floats, wales: int, courses: int) -> list[Floats]:
+def repeat_knit(
+    yarns: Sequence[Yarn], cell: Floats, wales: int, courses: int, joined: Sequence[bool]
+) -> list[Floats]:
     """Repeat the yarns of a cell over a piece of knit.
 
     Parameters
@@ -129,17 +133,44 @@ def repeat_knit(yarns: Sequence[Yarn], cell: Floats, wales: int, courses: int) -
         Period vectors.
     wales, courses : int
         Stitches across, and rows.
+    joined : sequence of bool
+        For each course but the first, whether the yarn of the course below turns at the selvedge
+        and knits it, too; it turns at the right and at the left in turn.
 
     Returns
     -------
-    list of ndarray of float64, shape (24 wales + 3, 3)
-        Control points of the yarn of each course, the lowest first.
+    list of ndarray of float64, shape (n, 3)
+        Control points of each yarn, from the lowest course up.
     """
-    lines, count = [], POINTS * wales + 3
+    lines: list[Floats] = []
     for course in range(courses):
         turn, row = divmod(course, len(yarns))
-        points = yarns[row].points
-        repeats = -(-count // len(points))
-        along = np.concatenate([points + k * cell[0] for k in range(repeats)])[:count]
-        lines.append(along + turn * cell[1])
+        line = _course(yarns[row].points, cell[0], wales) + turn * cell[1]
+        if course and joined[course - 1]:
+            # the yarn below ends at the right if an odd number of courses was knitted
+            goes_left = bool((lines[-1][-1] - lines[-1][-2])[0] > 0.0)
+            line = line[::-1] if goes_left else line
+            lines[-1] = np.concatenate([lines[-1], _selvedge(lines[-1], line), line])
+        else:
+            lines.append(line)
     return lines
+
+
+def _course(points: Floats, period: Floats, wales: int) -> Floats:
+    """Return the control points of a course, from the middle of a sinker loop to another one."""
+    first, count = POINTS // 2, POINTS * wales + 3
+    turn, index = np.divmod(np.arange(first, first + count), len(points))
+    return np.asarray(points[index] + (turn - 1)[:, None] * period)
+
+
+def _selvedge(below: Floats, above: Floats) -> Floats:
+    """Draw the half ellipse by which a yarn turns from the end of a course to the next one."""
+    start, end = below[-1], above[0]
+    outwards = start - below[-2]
+    outwards[1:] = 0.0
+    radius = (end - start) / 2
+    size = float(np.linalg.norm(radius))
+    step = float(np.linalg.norm(np.diff(below[-4:], axis=0), axis=1).mean())
+    angle = np.linspace(0.0, np.pi, max(3, round(np.pi * size / step)) + 1)[1:-1, None]
+    way = outwards / np.linalg.norm(outwards) * (_SELVEDGE * size)
+    return np.asarray((start + end) / 2 - radius * np.cos(angle) + way * np.sin(angle))
