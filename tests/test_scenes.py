@@ -237,6 +237,22 @@ def check_double_cloth(scene: Scene) -> None:
     assert not (cloth.warp.colors[cloth.layers.ends] == dark).any()
 
 
+#: Loop length over course and wale spacing of stockinette of 16 diameters, by another program.
+STOCKINETTE = 5.42, 3.97
+
+
+def check_knit(course: float, wale: float) -> Callable[[Scene], None]:
+    """Return a check of the spacings over those of stockinette of the same yarn."""
+
+    def check(scene: Scene) -> None:
+        found = {figure.key: figure.value for figure in scene.textile.figures}
+        assert STOCKINETTE[0] / found["kc"] == pytest.approx(course, rel=0.03)
+        assert STOCKINETTE[1] / found["kw"] == pytest.approx(wale, rel=0.05)
+        assert found["largest_overlap"] < 0.006
+
+    return check
+
+
 def half_the_yarns(ends: int, picks: int, spacing: str) -> tuple[str, ...]:
     """Return the settings of a cloth that is as large as before, with half as many yarns."""
     spacings = (f'weave.{family}_spacing="{spacing}"' for family in ("warp", "weft"))
@@ -257,6 +273,11 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "calculix_fabric": check_calculix_fabric,
     "lever_in_tetwild_cage": check_steel_lever,
     "tube_bundle": check_tube_bundle,
+    "stockinette": check_knit(1.0, 1.0),
+    "rib_1x1": check_knit(1.04, 0.52),
+    "rib_2x2": check_knit(1.08, 0.40),
+    "garter": check_knit(0.71, 1.04),
+    "seed_stitch": check_knit(0.77, 0.91),
     **hung_scenes.CHECKS,
     **contact_scenes.CHECKS,
 }
@@ -294,6 +315,10 @@ SHORTER = {
 
 #: Scenes whose stages other tests run on less. Of these the gate makes the cloth and the cage only.
 LONG = {
+    "garter",
+    "rib_1x1",
+    "rib_2x2",
+    "seed_stitch",
     "animal_in_carved_cage",
     "arm",
     "capstan",
@@ -311,6 +336,10 @@ LONG = {
     "tablecloth",
     "yarn_to_cloth",
 }
+
+
+#: Of these, scenes without a cage, or whose cage takes long to make.
+NO_CAGE = {"garter", "lever_in_tetwild_cage", "rib_1x1", "rib_2x2", "seed_stitch"}
 
 
 def scenes() -> list[Any]:
@@ -346,7 +375,7 @@ def test_scene(name: str, changes: tuple[str, ...]) -> None:
     CHECKS.get(name, check_still_and_feasible)(scene)
 
 
-@pytest.mark.parametrize("name", sorted(LONG - {"lever_in_tetwild_cage"}))
+@pytest.mark.parametrize("name", sorted(LONG - NO_CAGE))
 def test_long_scene_has_an_object_in_its_cage(name: str) -> None:
     scene = Scene.read(name)
     scene.check()
