@@ -367,7 +367,9 @@ def updated() -> dict[str, Stage]:
     read.motion.file = root / "calculix" / "sheet.pvd"
     read.object.update()
     read.motion.update(time=0.01)
-    stages = [*swing.stages, stepped.stage("mover"), read.object, read.motion]
+    knit = Scene({"textile": {"wales": 2, "courses": 2}})
+    knit.update()
+    stages = [*swing.stages, stepped.stage("mover"), read.object, read.motion, knit.source]
     return {type(stage).__name__: stage for stage in stages}
 
 

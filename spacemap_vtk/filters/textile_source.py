@@ -17,11 +17,9 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
-from spacemap_vtk.textile.geometry.section import build_section
-from spacemap_vtk.textile.geometry.sweep import sweep
 from spacemap_vtk.textile.rods.knit import POINTS, relax_knit, repeat_knit
 from spacemap_vtk.textile.rods.stitches import GRAMMAR, STRUCTURES, parse_rows
-from spacemap_vtk.textile.rods.tubes import PARTS, spline_lines
+from spacemap_vtk.textile.rods.tubes import PARTS, sweep_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
 
@@ -196,19 +194,7 @@ class TextileSource(Textile, Stage):
         low, high = (
             end(np.stack([end(line, axis=0) for line in lines]), axis=0) for end in (np.min, np.max)
         )
-        made = sweep(
-            [
-                (
-                    spline_lines(
-                        [line - (low + high) / 2 for line in lines],
-                        self.yarn_diameters,
-                    ),
-                    build_section("circular", 1.0, False),
-                )
-            ],
-            caps=True,
-            exact=False,
-        )
+        made = sweep_yarns([line - (low + high) / 2 for line in lines], self.yarn_diameters)
         set_patches(output, made)
         cells = output.GetCellData()
         add_array(cells, "yarn", made.line)

@@ -29,25 +29,9 @@ class Pairs(NamedTuple):
 
 
 def find_pairs(samples: Samples, z: Floats, length: Floats, reach: float) -> Pairs:
-    """Find the pairs of samples, images included, that are nearer than a distance.
-
-    Parameters
-    ----------
-    samples : Samples
-        Samples of the yarns.
-    z : ndarray of float64, shape (n + 2, 3)
-        Control points and period vectors [m].
-    length : ndarray of float64, shape (Y,)
-        Length of a span of each yarn [m].
-    reach : float
-        Distance [m].
-
-    Returns
-    -------
-    Pairs
-        Each pair once. Samples of one yarn nearer than `NEIGHBOURS` diameters along it are left
-        out.
-    """
+    """Find the pairs of samples, images included, that are nearer than a distance."""
+    # `length` is that of a span of each yarn. Samples of one yarn nearer than `NEIGHBOURS` diameters
+    # along it are left out.
     from scipy.spatial import cKDTree
 
     place, cell = samples.place @ z, z[-2:]

@@ -46,22 +46,8 @@ class _Passage(NamedTuple):
 def find_crossings(
     yarns: Sequence[Yarn], cell: Floats, direction: ArrayLike = (0.0, 0.0, 1.0)
 ) -> Crossings:
-    """Find the crossings of yarns, images included, seen against a direction.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Centre lines.
-    cell : ndarray of float64, shape (2, 3)
-        Period vectors [m].
-    direction : array_like of float, shape (3,), optional
-        Direction that points up; by default z.
-
-    Returns
-    -------
-    Crossings
-        Each crossing once.
-    """
+    """Find the crossings of yarns, images included, seen against a direction."""
+    # Images in neighbouring cells are included. Heights are compared along `direction`.
     from scipy.spatial import cKDTree
 
     at = np.arange(_PIECES + 1) / _PIECES
@@ -111,18 +97,8 @@ def find_crossings(
 def crossing_words(
     yarns: Sequence[Yarn], cell: Floats, direction: ArrayLike = (0.0, 0.0, 1.0)
 ) -> list[list[tuple[int, tuple[int, int], bool]]]:
-    """List the crossings along each yarn: the other yarn, its cell, and whether this one is above.
-
-    Parameters
-    ----------
-    yarns, cell, direction
-        As for `find_crossings`.
-
-    Returns
-    -------
-    list of list of tuple
-        A word for each yarn, without pairs of crossings that are no change.
-    """
+    """List the crossings along each yarn: the other yarn, its cell, whether this one is above."""
+    # Pairs of crossings that are no change are left out.
     found = find_crossings(yarns, cell, direction)
     passages: dict[int, list[tuple[float, _Passage]]] = defaultdict(list)
     for number, (pair, where, shift) in enumerate(
@@ -142,20 +118,7 @@ def same_words(
     second: Sequence[Sequence[tuple[int, tuple[int, int], bool]]],
     periods: Sequence[tuple[int, int] | None],
 ) -> bool:
-    """Check whether yarns have the same crossings, wherever their words begin.
-
-    Parameters
-    ----------
-    first, second : sequence of words
-        From `crossing_words`.
-    periods : sequence of tuple or None
-        Periods after which each yarn repeats itself, see `Yarn`.
-
-    Returns
-    -------
-    bool
-        True if all words are equal.
-    """
+    """Check whether yarns have the same crossings, wherever their words begin."""
     return all(
         _same_word(list(a), list(b), own, periods)
         for a, b, own in zip(first, second, periods, strict=True)

@@ -61,18 +61,8 @@ class State:
         return float(self.parts.sum())
 
     def tangent(self, definite: bool = False) -> csr_matrix:
-        """Compute the second derivatives, (3n + 6, 3n + 6) [N/m].
-
-        Parameters
-        ----------
-        definite : bool, optional
-            Whether the negative curvature of each sample and of each contact is left out.
-
-        Returns
-        -------
-        csr_matrix
-            Symmetric matrix.
-        """
+        """Compute the second derivatives, (3n + 6, 3n + 6) [N/m]."""
+        # If `definite`, the negative curvature of each sample and each contact is left out.
         from scipy.sparse import csr_matrix
 
         total = csr_matrix((self.z.size, self.z.size))
@@ -85,15 +75,7 @@ class State:
 
 
 class RodEnergy:
-    """Energy of yarns in a periodic cell as a function of z.
-
-    Parameters
-    ----------
-    samples : Samples
-        Samples of the yarns, at which the energy is summed.
-    mechanics : RodMechanics
-        Stiffness of the yarns.
-    """
+    """Energy of yarns in a periodic cell as a function of z."""
 
     def __init__(self, samples: Samples, mechanics: RodMechanics) -> None:
         self.samples, self.mechanics = samples, mechanics
@@ -112,22 +94,9 @@ class RodEnergy:
         return find_pairs(self.samples, z, self.mechanics.length, reach)
 
     def evaluate(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> State:
-        """Compute the energy and its derivatives.
-
-        Parameters
-        ----------
-        z : ndarray of float64, shape (n + 2, 3)
-            Control points and period vectors [m].
-        pairs : Pairs
-            Pairs that may touch: at least all that are nearer than a diameter.
-        thickness : float, optional
-            Share of their diameters that yarns have.
-
-        Returns
-        -------
-        State
-            The energy and its derivatives.
-        """
+        """Compute the energy and its derivatives."""
+        # `pairs` holds at least all pairs of samples that are nearer than a diameter; `thickness` is
+        # the share of their diameters that yarns have.
         samples = self.samples
         a, b = samples.slope @ z, samples.bend @ z
         aa, bb, ab = (np.einsum("si,si->s", *pair) for pair in ((a, a), (b, b), (a, b)))

@@ -43,20 +43,8 @@ class KnitGuess(NamedTuple):
 
 
 def draw_knit(rows: Sequence[str], length: float) -> KnitGuess:
-    """Draw the loops of a knit, each through the loop below it.
-
-    Parameters
-    ----------
-    rows : sequence of str
-        Stitches of a repeat, the lowest row first: k for knit and p for purl, seen from the face.
-    length : float
-        Length of yarn in a stitch [diameters].
-
-    Returns
-    -------
-    KnitGuess
-        Each row is one yarn along x; the face looks along z.
-    """
+    """Draw the loops of a knit, each through the loop below it."""
+    # Each row is one yarn along x; the face looks along z. Lengths are in diameters.
     width = len(rows[0])
     wale, course = _WALE * length, _COURSE * length
     t = 2 * np.pi * (np.arange(width * POINTS) - 1) / POINTS

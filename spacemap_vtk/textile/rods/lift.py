@@ -17,23 +17,9 @@ _ROUNDS = 8
 
 
 def lift_yarns(yarns: Sequence[Yarn], crossings: Crossings, above: Bools) -> list[Yarn]:
-    """Give flat yarns smooth heights, so that the given ones are above at the crossings.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Centre lines in the plane of x and y.
-    crossings : Crossings
-        Their crossings.
-    above : ndarray of bool, shape (c,)
-        Whether the first yarn of each crossing is above the second one.
-
-    Returns
-    -------
-    list of Yarn
-        Yarns with heights z: as little bent as possible, with about a mean diameter between the
-        centre lines of any two that cross.
-    """
+    """Give flat yarns smooth heights, so that the given ones are above at the crossings."""
+    # `above` (c,) says whether the first yarn of each crossing shall be above the second one. Yarns
+    # are bent as little as possible, with about a mean diameter between two that cross.
     from scipy.sparse import block_diag, csr_matrix, vstack
     from scipy.sparse.linalg import spsolve
 

@@ -81,35 +81,10 @@ def relax_yarns(
     progress: Progress | None = None,
     max_steps: int = 1000,
 ) -> Relaxed:
-    """Relax yarns in a periodic cell to their least energy.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        First guess of the centre lines, with the right topology.
-    cell : ndarray of float64, shape (2, 3)
-        Period vectors [m]; zero where the yarns do not repeat themselves.
-    mechanics : RodMechanics
-        Stiffness and length of the yarns.
-    free : ndarray of bool, shape (2, 3)
-        Components of the period vectors that follow the yarns; the others are given.
-    progress : callable, optional
-        Called with the share that is done, 0 to 1; may raise to stop.
-    max_steps : int, optional
-        Largest number of Newton steps.
-
-    Returns
-    -------
-    Relaxed
-        The yarns at rest.
-
-    Raises
-    ------
-    GeometryError
-        If centre lines are so near each other at the start that it is not clear which is above.
-    SolverError
-        If the yarns do not come to rest.
-    """
+    """Relax yarns in a periodic cell to their least energy."""
+    # `cell` has two period vectors, zero where yarns do not repeat themselves; its components that
+    # are `free` follow the yarns. Raises GeometryError if it is not clear at the start which of two
+    # yarns is above, and SolverError if they do not come to rest.
     energy = RodEnergy(sample_yarns(yarns), mechanics)
     z = unknowns(yarns, cell)
     nearest = 1.0 - largest_overlap(energy, z)

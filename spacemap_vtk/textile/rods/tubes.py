@@ -7,17 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.textile.geometry.sweep import CentreLines
+from spacemap_vtk.textile.geometry.section import build_section
+from spacemap_vtk.textile.geometry.sweep import CentreLines, SweptTubes, sweep
 from spacemap_vtk.textile.rods.yarns import basis_functions
 
 #: Parts of each span: shorter parts miss the radius by less where a yarn bends sharply.
 PARTS = 2
 
 
-def spline_lines(
-    points: Sequence[Floats], diameters: Floats, up: Floats | None = None
-) -> CentreLines:
-    """Convert uniform cubic B-splines to the centre lines of tubes.
+def sweep_yarns(points: Sequence[Floats], diameters: Floats) -> SweptTubes:
+    """Sweep round yarns along uniform cubic B-splines.
 
     Parameters
     ----------
@@ -25,19 +24,26 @@ def spline_lines(
         Control points of each yarn [m]; it reaches from the second to the last but one.
     diameters : ndarray of float64, shape (Y,)
         Diameters [m].
-    up : ndarray of float64, shape (3,), optional
-        Direction towards which the frames begin to look; by default z.
 
     Returns
     -------
-    CentreLines
-        Lines of `PARTS` cubics for each span, exactly on the splines.
+    SweptTubes
+        Bézier patches of tubes with closed ends.
 
     Notes
     -----
-    Frames are carried along by double reflection: W. Wang, B. Jüttler, D. Zheng, Y. Liu,
-    "Computation of Rotation Minimizing Frames", ACM Trans. Graph. 27 (2008) 2.
+    Frames that do not twist: W. Wang, B. Jüttler, D. Zheng, Y. Liu, ACM Trans. Graph. 27 (2008) 2.
     """
+    lines, shape = spline_lines(points, diameters), build_section("circular", 1.0, False)
+    return sweep([(lines, shape)], caps=True, exact=False)
+
+
+def spline_lines(
+    points: Sequence[Floats], diameters: Floats, up: Floats | None = None
+) -> CentreLines:
+    """Convert uniform cubic B-splines to the centre lines of tubes, `PARTS` for each span."""
+    # Frames are carried along by double reflection: W. Wang, B. Jüttler, D. Zheng, Y. Liu, ACM Trans.
+    # Graph. 27 (2008) 2. They begin to look towards `up`, by default z.
     places, slopes, bends, parts = [], [], [], []
     for line in points:
         count = len(line) - 3

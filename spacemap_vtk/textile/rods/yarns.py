@@ -80,25 +80,8 @@ def unknowns(yarns: Sequence[Yarn], cell: Floats) -> Floats:
 
 
 def sample_yarns(yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _WEIGHTS) -> Samples:
-    """Make the sparse matrices that give places, slopes and bends of yarns from z.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        The yarns; only their numbers of points, periods and diameters are used.
-    at, weights : ndarray of float64, shape (g,)
-        Parameters of the samples in each span, from 0 to 1, and their weights.
-
-    Returns
-    -------
-    Samples
-        g samples on each span of each yarn.
-
-    Raises
-    ------
-    GeometryError
-        If a yarn has less than 4 control points.
-    """
+    """Make the sparse matrices that give places, slopes and bends of yarns from z."""
+    # `at` and `weights` are the places of samples in each span, from 0 to 1, and their weights.
     from scipy.sparse import csr_matrix
 
     total = sum(len(yarn.points) for yarn in yarns)
