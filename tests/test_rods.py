@@ -7,8 +7,9 @@ import pytest
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-from spacemap_vtk.textile.rods.knit import draw_knit, relax_knit
-from spacemap_vtk.textile.rods.relax import relax_yarns
+from spacemap_vtk.textile.rods.knit import POINTS, draw_knit, relax_knit
+from spacemap_vtk.textile.rods.relax import relax_again, relax_yarns
+from spacemap_vtk.textile.rods.stiffness import cell_stiffness
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 NO_CELL = np.zeros((2, 3))
@@ -129,3 +130,44 @@ def test_yarns_that_start_in_each_other_are_refused():
     mechanics = RodMechanics(np.ones(2), np.ones(2), 1e3, np.ones(2))
     with pytest.raises(GeometryError, match="not clear which is above"):
         relax_yarns(yarns, 8.0 * np.eye(2, 3), mechanics, GIVEN)
+
+
+def flat_stiffness(found, count=1, length=16.0):
+    mechanics = RodMechanics(
+        np.full(count, 1e3), np.ones(count), 3e3, np.full(count, length / POINTS)
+    )
+    return mechanics, cell_stiffness(found.yarns, found.cell, mechanics, RECTANGLE)
+
+
+def test_straight_yarns_bend_as_beams_side_by_side():
+    along = np.arange(8) / 8 * 4.0
+    yarn = Yarn(np.stack([along, 0 * along, 0 * along], axis=1), (1, 0))
+    cell = np.array([[4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+    mechanics = RodMechanics(np.array([1e3]), np.array([2.0]), 1e3, np.array([0.5]))
+    found = cell_stiffness([yarn], cell, mechanics, GIVEN)
+    assert found.bending[0] == pytest.approx(2.0 / 3.0, rel=1e-4)
+    assert found.membrane[0, 0] == pytest.approx(1e3 / 3.0, rel=1e-6)
+
+
+def test_stockinette_curls_to_the_back_at_its_sides_and_to_the_face_at_its_ends():
+    found = spacings(["k"])[0]
+    mechanics, stiffness = flat_stiffness(found)
+    assert stiffness.moment[0] < -0.1
+    assert stiffness.moment[1] > 0.1
+    # the membrane against the energies of strained cells, in which the yarns come to rest
+    energies = []
+    for strain in (-1e-3, 0.0, 1e-3):
+        cell = found.cell * [[1.0], [1.0 + strain]]
+        energy = RodEnergy(sample_yarns(found.yarns), mechanics)
+        energies.append(relax_again(energy, unknowns(found.yarns, cell), GIVEN).energy)
+    area = found.cell[0, 0] * found.cell[1, 1]
+    second = (energies[0] - 2 * energies[1] + energies[2]) / 1e-6 / area
+    assert stiffness.membrane[1, 1] == pytest.approx(second, rel=0.02)
+
+
+@pytest.mark.nightly
+def test_rib_and_garter_do_not_curl():
+    for rows in (["kp"], ["k", "p"]):
+        stiffness = flat_stiffness(spacings(rows)[0], len(rows))[1]
+        assert abs(stiffness.moment).max() < 1e-6
+        assert np.linalg.eigvalsh(stiffness.membrane).min() > 0.0

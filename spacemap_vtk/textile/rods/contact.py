@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-from spacemap_vtk.textile.rods.yarns import Samples
+from spacemap_vtk.textile.rods.yarns import Samples, image_matrices
 
 #: Samples of one yarn that are nearer than this along it, in diameters, do not touch each other.
 NEIGHBOURS = 1.6
@@ -23,24 +23,36 @@ class Pairs(NamedTuple):
     shift: Ints
     """(C, 2) Periods by which the second one is moved."""
 
-    def separate(self, place: Floats, cell: Floats) -> Floats:
-        """Compute the vectors from the second to the first samples, (C, 3)."""
-        return place[self.first] - place[self.second] - self.shift @ cell
+
+def move_to_image(place: Floats, shift: Ints, cell: Floats, turn: float) -> Floats:
+    """Move points (C, 3) to the cells at whole numbers (C, 2) of periods."""
+    turned, along, across = image_matrices(shift, turn)
+    moved = np.einsum("...ij,...j->...i", turned, place)
+    return np.asarray(moved + along @ cell[0] + across @ cell[1])
+
+
+def separate(samples: Samples, pairs: Pairs, z: Floats) -> Floats:
+    """Compute the vectors from the second to the first samples of pairs, (C, 3)."""
+    place = samples.places(z)
+    second = move_to_image(place[pairs.second], pairs.shift, z[-2:], samples.turn)
+    return np.asarray(place[pairs.first] - second)
 
 
 def find_pairs(samples: Samples, z: Floats, length: Floats, reach: float) -> Pairs:
     """Find the pairs of samples, images included, that are nearer than a distance."""
-    # `length` is that of a span of each yarn. Samples of one yarn nearer than `NEIGHBOURS` diameters
-    # along it are left out.
+    # `length` is that of a span of each yarn. Samples of one yarn that are nearer than `NEIGHBOURS`
+    # diameters along it are left out.
     from scipy.spatial import cKDTree
 
-    place, cell = samples.place @ z, z[-2:]
+    place, cell = samples.places(z), z[-2:]
     tree = cKDTree(place)
     first, second = tree.query_pairs(reach, output_type="ndarray").T
     found = [Pairs(first, second, np.zeros((len(first), 2), dtype=np.int64))]
     for move in neighbouring_cells(place, cell, reach):
         near = tree.sparse_distance_matrix(
-            cKDTree(place + move @ cell), reach, output_type="coo_matrix"
+            cKDTree(move_to_image(place, move, cell, samples.turn)),
+            reach,
+            output_type="coo_matrix",
         )
         found.append(Pairs(near.row, near.col, np.tile(move, (near.nnz, 1))))
     pairs = Pairs(*(np.concatenate(each).astype(np.int64) for each in zip(*found, strict=True)))
@@ -81,7 +93,7 @@ def _are_neighbours(samples: Samples, pairs: Pairs, length: Floats) -> Bools:
 
 def relative_distances(samples: Samples, pairs: Pairs, z: Floats) -> Floats:
     """Compute distances of the pairs over the mean diameter of their yarns, (C,)."""
-    distance = np.linalg.norm(pairs.separate(samples.place @ z, z[-2:]), axis=1)
+    distance = np.linalg.norm(separate(samples, pairs, z), axis=1)
     return distance / mean_diameters(samples, pairs)
 
 

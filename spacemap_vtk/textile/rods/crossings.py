@@ -54,7 +54,7 @@ def find_crossings(
     samples, z = sample_yarns(yarns, at, np.ones(len(at))), unknowns(yarns, cell)
     up = np.asarray(direction, dtype=np.float64)
     plane = np.linalg.svd(up[None])[2][1:]
-    place = (samples.place @ z).reshape(-1, len(at), 3)
+    place = samples.places(z).reshape(-1, len(at), 3)
     begin, end = place[:, :-1].reshape(-1, 3), place[:, 1:].reshape(-1, 3)
     owner = samples.yarn.reshape(-1, len(at))[:, :-1].ravel()
     start = samples.parameter.reshape(-1, len(at))[:, :-1].ravel()

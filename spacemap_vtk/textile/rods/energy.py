@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.textile.rods.contact import Pairs, find_pairs, mean_diameters
-from spacemap_vtk.textile.rods.yarns import Samples
+from spacemap_vtk.textile.rods.contact import Pairs, find_pairs, mean_diameters, separate
+from spacemap_vtk.textile.rods.yarns import Samples, image_matrices
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -95,10 +95,10 @@ class RodEnergy:
 
     def evaluate(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> State:
         """Compute the energy and its derivatives."""
-        # `pairs` holds at least all pairs of samples that are nearer than a diameter; `thickness` is
-        # the share of their diameters that yarns have.
+        # `pairs` are at least all pairs of samples nearer than a diameter; `thickness` is the
+        # share of their diameters that yarns have.
         samples = self.samples
-        a, b = samples.slope @ z, samples.bend @ z
+        a, b = ((each @ z.ravel()).reshape(-1, 3) for each in (samples.slope, samples.bend))
         aa, bb, ab = (np.einsum("si,si->s", *pair) for pair in ((a, a), (b, b), (a, b)))
         speed = np.sqrt(aa)
 
@@ -131,7 +131,7 @@ class RodEnergy:
         blocks[:, 3:, 3:] = 2 * f_b * _EYE + f_cc * a_a
         products = [(self._slopes_and_bends, blocks)]
 
-        gradient = samples.slope.T @ by_a + samples.bend.T @ by_b
+        gradient = samples.slope.T @ by_a.ravel() + samples.bend.T @ by_b.ravel()
         curved = p5 * (aa * bb - ab**2)
         parts = np.array([stiff @ over**2 / 2, curved.sum(), 0.0])
 
@@ -139,27 +139,38 @@ class RodEnergy:
         if len(contacts.overlap):
             push = contacts.stiff * contacts.overlap
             parts[2] = push @ contacts.overlap / 2
-            gradient -= contacts.apart.T @ (push[:, None] * contacts.normal)
+            gradient -= contacts.apart.T @ (push[:, None] * contacts.normal).ravel()
             blocks = (contacts.stiff + push / contacts.distance)[:, None, None] * _outer(
                 contacts.normal, contacts.normal
             )
             blocks -= (push / contacts.distance)[:, None, None] * _EYE
-            products.append((_by_components(contacts.apart), blocks))
-        return State(z, parts, gradient, products)
+            products.append((contacts.apart, blocks))
+        return State(z, parts, gradient.reshape(-1, 3), products)
 
     def contacts(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> Contacts:
         """Find the pairs that overlap."""
-        from scipy.sparse import csr_matrix, hstack
+        from scipy.sparse import bsr_matrix
 
-        place = self.samples.place
-        vectors = pairs.separate(place @ z, z[-2:])
+        samples = self.samples
+        vectors = separate(samples, pairs, z)
         distance = np.linalg.norm(vectors, axis=1)
-        overlap = thickness * mean_diameters(self.samples, pairs) - distance
+        overlap = thickness * mean_diameters(samples, pairs) - distance
         (on,) = np.nonzero(overlap > 0.0)
-        i, j = pairs.first[on], pairs.second[on]
-        moved = hstack([csr_matrix((len(on), len(z) - 2)), csr_matrix(pairs.shift[on])])
+        i, j, count = pairs.first[on], pairs.second[on], len(on)
+        turned, along, across = image_matrices(pairs.shift[on], samples.turn)
+        periods = bsr_matrix(
+            (
+                np.stack([along, across], axis=1).reshape(-1, 3, 3),
+                np.tile(np.array([0, 1]) + len(z) - 2, count),
+                np.arange(0, 2 * count + 1, 2),
+            ),
+            shape=(3 * count, 3 * len(z)),
+        )
+        first, second = (samples.place[(3 * k[:, None] + np.arange(3)).ravel()] for k in (i, j))
+        if samples.turn:
+            second = _block_diagonal(turned) @ second
         return Contacts(
-            (place[i] - place[j] - moved).tocsr(),
+            (first - second - periods).tocsr(),
             vectors[on] / distance[on, None],
             distance[on],
             overlap[on],
@@ -168,7 +179,7 @@ class RodEnergy:
 
     def lengths(self, z: Floats) -> Floats:
         """Compute the length of each yarn in one period [m], (Y,)."""
-        speed = np.linalg.norm(self.samples.slope @ z, axis=1)
+        speed = np.linalg.norm((self.samples.slope @ z.ravel()).reshape(-1, 3), axis=1)
         lengths = np.bincount(self.samples.yarn, speed * self.samples.weight)
         return np.asarray(lengths, dtype=np.float64)
 
@@ -178,15 +189,15 @@ class RodEnergy:
         from scipy.sparse import vstack
 
         count = len(self.samples.weight)
-        order = np.arange(2 * count).reshape(2, count).T.ravel()
-        return _by_components(vstack([self.samples.slope, self.samples.bend]).tocsr()[order])
+        order = np.arange(6 * count).reshape(2, count, 3).swapaxes(0, 1).ravel()
+        return vstack([self.samples.slope, self.samples.bend]).tocsr()[order]
 
 
 class Contacts(NamedTuple):
     """Pairs of samples that overlap."""
 
     apart: csr_matrix
-    """(c, n + 2) Vectors from the second to the first sample, from z."""
+    """(3 c, 3 n + 6) Vectors from the second to the first sample, from z."""
     normal: Floats
     """(c, 3) Unit vectors of the same."""
     distance: Floats
@@ -203,13 +214,6 @@ def _block_diagonal(blocks: Floats) -> csr_matrix:
 
     count, size = blocks.shape[:2]
     return bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(count * size,) * 2)
-
-
-def _by_components(matrix: csr_matrix) -> csr_matrix:
-    """Repeat a matrix for x, y and z: (m, n) becomes (3m, 3n)."""
-    from scipy.sparse import identity, kron
-
-    return kron(matrix, identity(3), format="csr")
 
 
 def _outer(left: Floats, right: Floats) -> Floats:

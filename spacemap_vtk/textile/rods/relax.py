@@ -14,7 +14,7 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError, SolverError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Progress
-from spacemap_vtk.textile.rods.contact import Pairs, relative_distances
+from spacemap_vtk.textile.rods.contact import Pairs, relative_distances, separate
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics, State
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
@@ -41,6 +41,8 @@ STAGES = (
     Stage(1.0, 0.2, 1e-5),
     Stage(1.0, 1.0, 1e-8),
 )
+#: The stage of yarns that were at rest and are moved a little.
+LAST = Stage(1.0, 1.0, 1e-10)
 #: Smallest distance of two yarns at the start, in diameters; nearer ones may be on either side.
 NEAREST = 0.15
 #: Largest move of two samples against each other in a step, as a share of the least distance.
@@ -117,6 +119,14 @@ def relax_yarns(
     )
 
 
+def relax_again(energy: RodEnergy, z: Floats, free: Bools, max_steps: int = 1000) -> State:
+    """Relax yarns that are nearly at rest already, to the last digits."""
+    moves = np.ones(z.shape, dtype=bool)
+    moves[-2:] = free
+    z = _Search(energy, np.flatnonzero(moves), max_steps).run(z, LAST)
+    return energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
+
+
 def largest_overlap(energy: RodEnergy, z: Floats) -> float:
     """Compute the largest overlap of two yarns, in diameters; 0 if none touch."""
     pairs = energy.pairs_within(z, float(energy.samples.diameter.max()))
@@ -150,7 +160,7 @@ class _Search:
                 )
             move, exact = self._solve(state, force, damping, exact)
             move *= min(1.0, self._safe_share(state.z, move, pairs))
-            here = moved + 2 * float(np.linalg.norm(energy.samples.place @ move, axis=1).max())
+            here = moved + 2 * float(np.linalg.norm(energy.samples.places(move), axis=1).max())
             z = state.z + move
             near = pairs
             if here > MARGIN * self._diameter:
@@ -191,9 +201,9 @@ class _Search:
 
     def _safe_share(self, z: Floats, move: Floats, pairs: Pairs) -> float:
         """Compute the largest share of a move in which no two yarns can change places."""
-        place = self._energy.samples.place
+        samples = self._energy.samples
         if not len(pairs.first):
-            return self._diameter / (4 * float(np.linalg.norm(place @ move, axis=1).max()))
-        against = np.linalg.norm(pairs.separate(place @ move, move[-2:]), axis=1)
-        distance = np.linalg.norm(pairs.separate(place @ z, z[-2:]), axis=1)
+            return self._diameter / (4 * float(np.linalg.norm(samples.places(move), axis=1).max()))
+        against = np.linalg.norm(separate(samples, pairs, move), axis=1)
+        distance = np.linalg.norm(separate(samples, pairs, z), axis=1)
         return SAFE * float(distance.min()) / max(float(against.max()), 1e-300)

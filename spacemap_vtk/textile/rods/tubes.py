@@ -42,8 +42,8 @@ def spline_lines(
     points: Sequence[Floats], diameters: Floats, up: Floats | None = None
 ) -> CentreLines:
     """Convert uniform cubic B-splines to the centre lines of tubes, `PARTS` for each span."""
-    # Frames are carried along by double reflection: W. Wang, B. Jüttler, D. Zheng, Y. Liu, ACM Trans.
-    # Graph. 27 (2008) 2. They begin to look towards `up`, by default z.
+    # Frames are carried along by double reflection: W. Wang, B. Jüttler, D. Zheng, Y. Liu, ACM
+    # Trans. Graph. 27 (2008) 2. They begin to look towards `up`, by default z.
     places, slopes, bends, parts = [], [], [], []
     for line in points:
         count = len(line) - 3

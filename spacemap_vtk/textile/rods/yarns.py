@@ -6,7 +6,14 @@ away, so its points depend on the periods, too:
 
     r(u) = Σ_k N_k(u) (q_k + m_k · P)
 
-with whole numbers m_k of periods. A sparse matrix of one row per sample holds all of this.
+with whole numbers m_k of periods. A sparse matrix of three rows per sample holds all of this.
+
+A cell may be bent, too: then each period along P1 turns what follows by an angle φ about y, towards
+z, and the neighbours of a cell lie on an arc. With the turn R(φ) and the chord B(φ) of an arc,
+
+    r(u) = Σ_k N_k(u) (R(a φ) q_k + a B(a φ) P1 + b P2),  m_k = (a, b)
+
+which is linear in z, too.
 """
 
 from __future__ import annotations
@@ -44,11 +51,11 @@ class Samples(NamedTuple):
     """Points along all yarns at which energies are summed; values are linear in z."""
 
     place: csr_matrix
-    """(S, n + 2) Positions r from z."""
+    """(3 S, 3 n + 6) Positions r from z."""
     slope: csr_matrix
-    """(S, n + 2) Derivatives r′ by the parameter, 1 per span."""
+    """(3 S, 3 n + 6) Derivatives r′ by the parameter, 1 per span."""
     bend: csr_matrix
-    """(S, n + 2) Second derivatives r″."""
+    """(3 S, 3 n + 6) Second derivatives r″."""
     weight: Floats
     """(S,) Weights of the quadrature over the parameter."""
     yarn: Ints
@@ -63,6 +70,12 @@ class Samples(NamedTuple):
     """(Y,) Whether a yarn is a loop or repeats itself."""
     diameter: Floats
     """(Y,) Diameters [m]."""
+    turn: float
+    """Angle by which the cell is bent in a period along P1 [rad]."""
+
+    def places(self, z: Floats) -> Floats:
+        """Compute the positions of the samples, (S, 3) [m]."""
+        return np.asarray(self.place @ z.ravel()).reshape(-1, 3)
 
 
 def basis_functions(t: Floats) -> tuple[Floats, Floats, Floats]:
@@ -79,13 +92,12 @@ def unknowns(yarns: Sequence[Yarn], cell: Floats) -> Floats:
     return np.concatenate([*(yarn.points for yarn in yarns), np.asarray(cell, dtype=np.float64)])
 
 
-def sample_yarns(yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _WEIGHTS) -> Samples:
+def sample_yarns(
+    yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _WEIGHTS, turn: float = 0.0
+) -> Samples:
     """Make the sparse matrices that give places, slopes and bends of yarns from z."""
     # `at` and `weights` are the places of samples in each span, from 0 to 1, and their weights.
-    from scipy.sparse import csr_matrix
-
     total = sum(len(yarn.points) for yarn in yarns)
-    shapes = basis_functions(np.asarray(at, dtype=np.float64))
     nodes, wraps, owner, where, spans = [], [], [], [], []
     first = 0
     for number, yarn in enumerate(yarns):
@@ -95,26 +107,26 @@ def sample_yarns(yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _
                 f"yarn {number} has too few control points", value=count, allowed="4 or more"
             )
         lengths = count if yarn.periods is not None else count - 3
-        index = np.arange(lengths)[:, None] + np.arange(4)
-        turn, index = np.divmod(index, count)
+        round_, index = np.divmod(np.arange(lengths)[:, None] + np.arange(4), count)
         nodes.append(first + index)
-        wraps.append(turn[..., None] * np.array(yarn.periods or (0, 0)))
+        wraps.append(round_[..., None] * np.array(yarn.periods or (0, 0)))
         owner.append(np.full(lengths * len(at), number))
         where.append((np.arange(lengths)[:, None] + at).ravel())
         spans.append(lengths)
         first += count
     node, wrap = np.concatenate(nodes), np.concatenate(wraps)
-    rows = len(node) * len(at)
     columns = np.concatenate([node, np.tile([total, total + 1], (len(node), 1))], axis=1)
-    columns = np.repeat(columns, len(at), axis=0).ravel()
-    starts = np.arange(0, 6 * rows + 1, 6)
+    columns = np.repeat(columns, len(at), axis=0)
+    turned, along, across = image_matrices(wrap, turn)
 
     def matrix(shape: Floats) -> csr_matrix:
-        own = np.broadcast_to(shape, (len(node), *shape.shape))
-        values = np.concatenate([own, own @ wrap], axis=2)
-        return csr_matrix((values.ravel(), columns, starts), shape=(rows, total + 2))
+        own = np.einsum("gk,ekij->egkij", shape, turned)
+        first, second = (
+            np.einsum("gk,ekij->egij", shape, each)[:, :, None] for each in (along, across)
+        )
+        return _from_blocks(np.concatenate([own, first, second], axis=2), columns, total + 2)
 
-    place, slope, bend = map(matrix, shapes)
+    place, slope, bend = map(matrix, basis_functions(np.asarray(at, dtype=np.float64)))
     return Samples(
         place,
         slope,
@@ -126,4 +138,35 @@ def sample_yarns(yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _
         np.array([yarn.periods or (0, 0) for yarn in yarns]),
         np.array([yarn.periods is not None for yarn in yarns]),
         np.array([yarn.diameter for yarn in yarns], dtype=np.float64),
+        turn,
     )
+
+
+def image_matrices(shift: Ints, turn: float) -> tuple[Floats, Floats, Floats]:
+    """Compute the matrices of R, a B and b of images (…, 2), each of shape (…, 3, 3)."""
+    a, b = shift[..., 0], shift[..., 1]
+    angle = a * turn
+    rotation, chord = np.zeros((2, *shift.shape[:-1], 3, 3))
+    rotation[..., 0, 0] = rotation[..., 2, 2] = np.cos(angle)
+    rotation[..., 2, 0] = np.sin(angle)
+    rotation[..., 0, 2] = -np.sin(angle)
+    rotation[..., 1, 1] = 1.0
+    # (1 - cos φ)/φ without a division by zero
+    run, rise = np.sinc(angle / np.pi), np.sin(angle / 2) * np.sinc(angle / (2 * np.pi))
+    chord[..., 0, 0] = chord[..., 2, 2] = a * run
+    chord[..., 2, 0] = a * rise
+    chord[..., 0, 2] = -a * rise
+    chord[..., 1, 1] = a
+    return rotation, chord, b[..., None, None] * np.eye(3)
+
+
+def _from_blocks(blocks: Floats, columns: Ints, count: int) -> csr_matrix:
+    """Build a matrix of 3 x 3 blocks, (e, g, k, 3, 3), in given columns, (e g, k)."""
+    from scipy.sparse import bsr_matrix
+
+    rows, each = columns.shape
+    starts = np.arange(0, each * rows + 1, each)
+    found = bsr_matrix(
+        (blocks.reshape(-1, 3, 3), columns.ravel(), starts), shape=(3 * rows, 3 * count)
+    )
+    return found.tocsr()
