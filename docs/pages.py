@@ -23,6 +23,7 @@ _KERNELS = {
     "cage": "Cage",
     "mechanics": "Mechanics",
     "embedding": "Embedding",
+    "laboratory": "Laboratory",
 }
 
 

@@ -36,7 +36,7 @@ IGNORED = {
 
 HERE = Path(spacemap_vtk.__file__).parent
 SCRIPTS = Path(__file__).parent.parent / "pipelines"
-SCIENCE = {"textile", "cage", "mechanics", "embedding"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory"}
 #: Modules whose public names are all for users or authors of stages.
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
 USERS |= {"filters.base", "filters.load", "filters.obstacle", "filters.obstacle_surfaces"}

@@ -7,7 +7,7 @@ import math
 import time as clock
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkCommonCore import vtkDataArray
@@ -87,6 +87,16 @@ _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 
 #: Eigenvalues, shapes and rounding, see `spacemap_vtk.mechanics.modal.eigen.Modes`.
 Solution = tuple[Floats, Floats, Floats]
+
+
+class CageSheet(NamedTuple):
+    """A cage that is a sheet."""
+
+    plate: Plate
+    areal_mass: float
+    """Mass per area [kg/m²]."""
+    thickness: float
+    """Mean thickness of the cage [m]."""
 
 
 class ModalSolver(CageMaterial, CageFittings, Stage):
@@ -413,10 +423,26 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         DataSheet or None
             None if the cage is a solid.
         """
+        found = self.sheet_of_cage(grid)
+        return None if found is None else data_sheet(found.plate, found.areal_mass)
+
+    def sheet_of_cage(self, grid: vtkUnstructuredGrid) -> CageSheet | None:
+        """Return the sheet that a cage is, without solving anything.
+
+        Parameters
+        ----------
+        grid : vtkUnstructuredGrid
+            The cage.
+
+        Returns
+        -------
+        CageSheet or None
+            None if the cage is a solid.
+        """
         sheet = self._find_sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
         if sheet is None:
             return None
-        return data_sheet(*self._sheet_and_mass(grid, sheet))
+        return CageSheet(*self._sheet_and_mass(grid, sheet), sheet.thickness)
 
     def _sheet_and_mass(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""

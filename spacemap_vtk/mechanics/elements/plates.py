@@ -253,7 +253,19 @@ def keep_normals_upright(plate: Plate, cell: float) -> Plate:
 
 
 def strip_stiffness(stiffness: Floats) -> tuple[float, float]:
-    """Compute the stiffness of strips with free sides along warp and weft from a (3, 3) matrix."""
+    """Compute the stiffness of strips with free sides along warp and weft.
+
+    Parameters
+    ----------
+    stiffness : ndarray of float64, shape (3, 3)
+        Membrane or bending stiffness of a `Plate`.
+
+    Returns
+    -------
+    tuple of 2 float
+        Force per width over strain [N/m], or moment per width over curvature [N m], of a strip
+        along the warp and one along the weft.
+    """
     weft, warp = 1 / np.diag(np.linalg.inv(stiffness))[:2]
     return float(warp), float(weft)
 
