@@ -14,7 +14,13 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
+from spacemap_vtk.datasets.arrays import (
+    add_array,
+    elements_of,
+    mask_reader,
+    points_of,
+    to_array,
+)
 from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
 from spacemap_vtk.datasets.modal_model import (
@@ -28,19 +34,20 @@ from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
+from spacemap_vtk.filters.grip import Grips, hold_with_grips, make_grips
 from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
+from spacemap_vtk.filters.rest_states import RestState, RestTask, load_or_solve_rest
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.rest_state import read_rest_state
+from spacemap_vtk.mechanics.boundary.reactions import find_bearings
 from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.contact.obstacle_term import contact_stiffness
-from spacemap_vtk.mechanics.contact.path import divide_path, follow_path
+from spacemap_vtk.mechanics.contact.path import divide_path
 from spacemap_vtk.mechanics.contact.resting import (
     Resting,
     count_anchors,
-    find_resting_state,
-    layers_of,
     obstacles_of,
     rested_terms,
 )
@@ -50,12 +57,11 @@ from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate, data_sheet
 from spacemap_vtk.mechanics.elements.shell import SHEET_ASPECT, Layer, find_layer
 from spacemap_vtk.mechanics.equilibrium import energy_terms
-from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats, Ints, Progress
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.units import format_quantity
@@ -187,9 +193,15 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         automatic="the undeformed cage",
         group="Hung",
     )
+    grips = Grips(
+        (),
+        "Grips that hold places of the cage, and move and turn them through states at rest. The "
+        "modes are those about the last state, in which the grips hold.",
+        group="Hung",
+    )
     path_steps = Integer(
         10,
-        "Number of equilibria along each straight line of the obstacles' paths.",
+        "Number of equilibria along each straight line of the paths of obstacles and grips.",
         minimum=1,
         maximum=10_000,
         group="Hung",
@@ -287,6 +299,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         self.choose_modulus(vertices, elements, up_axis(grid))
         held, fittings, warnings = self.make_fittings(grid, vertices, elements)
+        grips = make_grips(self.grips, vertices, self.path_steps, self._lines, mask_reader(grid))
+        held = hold_with_grips(held, grips)
         for text in warnings:
             self.warn(text)
         sheet = self._find_sheet(vertices, elements)
@@ -307,6 +321,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         data = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*data, None, fittings, terms)
         anchors: Floats | None = None
+        found: RestState | None = None
         layers = layers if linear else 2 * layers
         if self.is_hung:
             load, start, path = self._dead_load(grid, model), *self._start_and_path(model)
@@ -314,7 +329,12 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             if acts or start is not None or path is not None:
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
                 self._undeformed = model
-                rest, anchors = self._equilibrium(model, load, start, path, layers)
+                fixed = self.values_in_use["fixed"] if self.fixed is None else self.fixed
+                bearings = find_bearings(vertices, fixed, grips, mask_reader(grid))
+                found = self._equilibrium(
+                    RestTask(model, load, start, path, grips, bearings), layers
+                )
+                rest, anchors = found.displacement, found.anchors
                 terms = rested_terms(terms, vertices + rest, anchors)
                 self._model = model = Model(*data, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
@@ -387,6 +407,13 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                 recipes.append({"kind": "layer-friction", "friction": friction, **layers})
         return recipes
 
+    @property
+    def _lines(self) -> int:
+        """Largest number of straight lines of a path of an obstacle or grip."""
+        paths = [obstacle.path for obstacle in self.obstacles]
+        paths += [path for grip in self.grips for path in (grip.path, grip.turns)]
+        return max((len(path) for path in paths if path), default=0)
+
     def _start_and_path(self, model: Model) -> tuple[Resting | None, Floats | None]:
         """Return the state where the equilibrium begins, and displacements of the obstacles."""
         start = None
@@ -396,9 +423,10 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             except SpacemapError as error:
                 error.key = "start"  # readers name their own parameter
                 raise
-        if not any(obstacle.path for obstacle in self.obstacles):
+        if not self._lines:
             return start, None
-        path = divide_path([obstacle.path or () for obstacle in self.obstacles], self.path_steps)
+        corners = [obstacle.path or () for obstacle in self.obstacles]
+        path = divide_path([*corners, [(0.0, 0.0, 0.0)] * self._lines], self.path_steps)[:, :-1]
         steps = np.linalg.norm(np.diff(path, axis=0), axis=2).max(axis=0)
         for number, (length, term) in enumerate(zip(steps, obstacles_of(model), strict=True)):
             if length > term.obstacle.depth:
@@ -471,7 +499,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     @property
     def is_hung(self) -> bool:
         """Whether the cage is to hang, and there is a load under which it hangs."""
-        given = any(self.gravity) or self.dead_loads or self._terms or self.obstacles or self.start
+        given = any(self.gravity) or self.dead_loads or self._terms or self.start
+        given = given or self.obstacles or self.grips
         return self.hang and bool(given)
 
     @property
@@ -492,16 +521,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             total += cage.vertex_forces(vector)
         return total
 
-    def _equilibrium(
-        self,
-        model: Model,
-        load: Floats,
-        start: Resting | None,
-        path: Floats | None,
-        layers: float,
-    ) -> tuple[Floats, Floats]:
-        """Return displacement and anchors of friction in equilibrium, from disk or solved."""
-        digest = _digest_of_equilibrium(model, load, start, path)
+    def _equilibrium(self, task: RestTask, layers: float) -> RestState:
+        """Return the state in equilibrium, from memory, from disk or solved."""
+        model = task.model
 
         def allow() -> None:
             require_memory(
@@ -513,28 +535,25 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             )
 
         def solve() -> list[Floats]:
-            return load_or_solve_equilibrium(
-                model,
-                load,
-                lambda share: self.report_progress(share, "hanging"),
-                allow,
-                start=start,
-                path=path,
+            return list(
+                load_or_solve_rest(
+                    task, lambda share: self.report_progress(share, "hanging"), allow
+                )
             )
 
-        if self._last_equilibrium is None or self._last_equilibrium[0] != digest:
+        if self._last_equilibrium is None or self._last_equilibrium[0] != task.digest:
             processes = self._processes
             self._last_equilibrium = (
-                digest,
+                task.digest,
                 solve() if processes is None else processes.make_in_first(solve),
             )
-        found, critical, anchors = self._last_equilibrium[1]
-        if not math.isnan(critical[0]):
+        found = RestState(*self._last_equilibrium[1])
+        if not math.isnan(found.critical[0]):
             self.warn(
-                f"the cage buckles at {critical[0]:.3g} of the load under which it hangs; if it "
-                "can fold to either of two sides, rounding chooses one"
+                f"the cage buckles at {found.critical[0]:.3g} of the load under which it hangs; if "
+                "it can fold to either of two sides, rounding chooses one"
             )
-        return found, anchors
+        return found
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # This imports scipy's solvers, which results from disk do not need.
@@ -673,64 +692,6 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                 "(volumetric locking); set [cage] order = 2 (quadratic tetrahedra), or lower "
                 f"{parameter}"
             )
-
-
-def load_or_solve_equilibrium(
-    model: Model,
-    load: Floats,
-    progress: Progress,
-    allow: Callable[[], object] = lambda: None,
-    *,
-    start: Resting | None = None,
-    path: Floats | None = None,
-) -> list[Floats]:
-    """Return the equilibrium of a body under dead loads, from disk or solved.
-
-    Parameters
-    ----------
-    model : Model
-        The body, undeformed.
-    load : ndarray of float64, shape (3V,)
-        Forces on the vertices [N].
-    progress : callable
-        Receives the share that is done.
-    allow : callable, optional
-        Called before solving; may raise to prevent it.
-    start : Resting, optional
-        State from which the search begins; by default the undeformed body.
-    path : ndarray of float64, shape (S, n, 3), optional
-        Displacements of the n obstacles from their places, from
-        `spacemap_vtk.mechanics.contact.path.divide_path`; by default they stay.
-
-    Returns
-    -------
-    list of ndarray of float64
-        The displacement [m], (V, 3), the share of the load at which it buckles, (1,), or NaN, and
-        the anchors of friction on obstacles [m], (S, 3).
-    """
-    key = f"hung-{_digest_of_equilibrium(model, load, start, path)}"
-    entry = cache.load(key, displacement=model.points.shape, critical=(1,), anchors=(-1, 3))
-    if entry is not None and np.isfinite(entry["displacement"]).all():
-        return list(entry.values())
-    allow()
-    share, anchors = None, np.empty((0, 3))
-    if path is not None:
-        displacement, anchors = follow_path(model, load, path, progress, start)
-    elif obstacles_of(model) or layers_of(model) or start is not None:
-        displacement, anchors = find_resting_state(model, load, progress, start)
-    else:
-        displacement, share = model.solve_equilibrium(load, progress)
-    critical = np.array([math.nan if share is None else share])
-    cache.store(key, displacement=displacement, critical=critical, anchors=anchors)
-    return [displacement, critical, anchors]
-
-
-def _digest_of_equilibrium(
-    model: Model, load: Floats, start: Resting | None, path: Floats | None
-) -> str:
-    """Return the digest of all that an equilibrium depends on."""
-    more = [] if start is None else [*start]
-    return digest_of(model.digest, load / model.modulus, *more, *([] if path is None else [path]))
 
 
 def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:

@@ -21,7 +21,7 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
-from spacemap_vtk.filters.modal_solver import load_or_solve_equilibrium
+from spacemap_vtk.filters.rest_states import RestTask, load_or_solve_rest
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
 from spacemap_vtk.mechanics.contact.resting import layers_of, obstacles_of
 from spacemap_vtk.mechanics.elements.inversion import inversion_warning
@@ -264,9 +264,9 @@ class TransientResponse(LoadParameters, Stage):
                 fittings,
                 model.terms,
             )
-        found, *_ = load_or_solve_equilibrium(
-            model, load, lambda share: self.report_progress(share, "hanging")
-        )
+        found = load_or_solve_rest(
+            RestTask(model, load), lambda share: self.report_progress(share, "hanging")
+        ).displacement
         return found if model.displacement is None else found + model.displacement
 
     def _store_states(self, digest: str, motion: SteppedMotion) -> None:

@@ -13,7 +13,8 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
 from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_section_to_errors
 from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.filters.modal_solver import ModalSolver, load_or_solve_equilibrium
+from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.rest_states import RestTask, load_or_solve_rest
 from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.contact.opening import resting_contacts
 from spacemap_vtk.mechanics.elements.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
@@ -276,7 +277,7 @@ def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | N
     # What changes in cells twice as wide still depends on the cells.
     weight = fewer.nodal_mass[:, None] * gravity
     try:
-        moved, *_ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
+        moved = load_or_solve_rest(RestTask(fewer, weight.ravel()), lambda _: None).displacement
     except SpacemapError:  # for example if no vertex remains that is held: all of it is in doubt
         figures["drape_coefficient_error"] = found
         return figures
