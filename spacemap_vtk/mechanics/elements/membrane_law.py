@@ -16,7 +16,8 @@ where gamma is the shear angle: 90 degrees less the angle between the directions
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from functools import cached_property
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,10 +46,16 @@ class LawResponse(NamedTuple):
 class MembraneLaw(ABC):
     """Relation between a sheet's strain in its plane and its energy."""
 
-    @property
-    @abstractmethod
+    #: Name of this kind of law.
+    kind: ClassVar[str]
+
+    #: Arrays that state the law, of at most two dimensions, by the constructor's arguments.
+    arrays: dict[str, Floats]
+
+    @cached_property
     def digest(self) -> str:
         """Text that differs between different laws; part of the cache key."""
+        return digest_of(self.kind, *(part for pair in self.arrays.items() for part in pair))
 
     @abstractmethod
     def evaluate(self, strain: Floats) -> LawResponse:
@@ -67,20 +74,30 @@ class MembraneLaw(ABC):
             stress.
         """
 
-    def energy(self, strain: Floats) -> Floats:
-        """Compute the energy per undeformed area [J/m²], (…), at strains (…, 3)."""
-        return self.evaluate(strain).energy
-
     def stress(self, strain: Floats) -> Floats:
-        """Compute the stress [N/m], (…, 3), at strains (…, 3)."""
+        """Compute the stress alone.
+
+        Parameters
+        ----------
+        strain : ndarray of float64, shape (…, 3)
+            As for `evaluate`.
+
+        Returns
+        -------
+        ndarray of float64, shape (…, 3)
+            Stress [N/m].
+        """
         return self.evaluate(strain).stress
 
 
 class LinearLaw(MembraneLaw):
     """Stress in proportion to the strain, as that of a `Plate` without a law: (3, 3) in N/m."""
 
+    kind = "linear"
+
     def __init__(self, stiffness: ArrayLike) -> None:
         self.stiffness = np.asarray(stiffness, dtype=np.float64)
+        self.arrays = {"stiffness": self.stiffness}
         if self.stiffness.shape != (3, 3) or not np.allclose(self.stiffness, self.stiffness.T):
             raise InputError(
                 "the stiffness of a membrane is a symmetric matrix",
@@ -88,11 +105,6 @@ class LinearLaw(MembraneLaw):
                 value=self.stiffness.tolist(),
                 allowed="3 x 3 values in N/m",
             )
-
-    @property
-    def digest(self) -> str:
-        """Digest of the stiffness."""
-        return digest_of("linear", self.stiffness)
 
     def evaluate(self, strain: Floats) -> LawResponse:
         """Compute ½ e C e, C e and C."""

@@ -15,6 +15,7 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT
 from spacemap_vtk.mechanics.elements.materials import check_limits
+from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw
 from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.units import GRAVITY
 
@@ -51,6 +52,9 @@ class Plate:
     #: Whether the stiffness depends on the thickness at each vertex, as that of a solid does; the
     #: measured stiffness of a sheet is the same everywhere.
     follows_thickness: bool = False
+    #: Law of the membrane for finite strains; None if the stress is `membrane` times Green's
+    #: strain. The undeformed sheet vibrates with `membrane` in any case.
+    law: MembraneLaw | None = None
 
 
 class DataSheet(NamedTuple):

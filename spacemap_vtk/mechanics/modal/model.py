@@ -127,6 +127,7 @@ class Model:
             ),
             self.plate is not None and self.plate.follows_thickness,
             self.terms,
+            None if self.plate is None else self.plate.law,
         )
 
     @property

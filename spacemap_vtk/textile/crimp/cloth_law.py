@@ -36,13 +36,11 @@ Schoenberg, "On Spline Functions", in Inequalities (1967), for the table.
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw, StretchLaw, StretchResponse
-from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.crimp.graded_spline import GradedKnots
 from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
@@ -82,28 +80,32 @@ class Locking(NamedTuple):
 class YarnLaw(StretchLaw):
     """Law of a membrane from its yarns: of crimp interchange, shear G [N/m], and locking."""
 
-    def __init__(
-        self, tension: TensionTable, shear: float, locking: tuple[Locking, Locking]
-    ) -> None:
-        self.tension, self.shear, self.locking = tension, shear, locking
+    kind = "yarns"
 
-    @cached_property
-    def digest(self) -> str:
-        """Digest of the table and the constants of shear."""
-        return digest_of("yarns", self.tension.digest, self.shear, *np.ravel(self.locking).tolist())
+    # `energy` and `line` make the table of tension; rows of `locking` are those of warp and weft.
+    def __init__(self, energy: Floats, line: Floats, shear: Floats, locking: Floats) -> None:
+        self._table = TensionTable(energy, line)
+        self.arrays = {
+            "energy": energy,
+            "line": line,
+            "shear": np.reshape(shear, 1),
+            "locking": locking,
+        }
+        self._shear = float(np.reshape(shear, 1)[0])
+        self._locking = [Locking(*row) for row in np.reshape(locking, (2, 3)).tolist()]
 
     def respond(self, first: Floats, second: Floats, sine: Floats) -> StretchResponse:
         """Compute the energy and its derivatives; axis 1 is the weft."""
-        energy, (f2, f1), (h22, h11, h12) = self.tension.evaluate(second, first)
+        energy, (f2, f1), (h22, h11, h12) = self._table.evaluate(second, first)
         angle, slope, bend = _angle(sine)
-        energy += 0.5 * self.shear * angle * angle
-        f3 = self.shear * angle * slope
-        h33 = self.shear * (slope * slope + angle * bend)
+        energy += 0.5 * self._shear * angle * angle
+        f3 = self._shear * angle * slope
+        h33 = self._shear * (slope * slope + angle * bend)
         zero = np.zeros_like(energy)
         forces, seconds = [f1, f2, f3], [h11, h22, h33, h12, zero, zero.copy()]
         cosine, fall, drop = _cosine(sine)
         # The warp's neighbours lie along axis 1.
-        for axis, (lock, stretch) in enumerate(zip(self.locking, (first, second), strict=True)):
+        for axis, (lock, stretch) in enumerate(zip(self._locking, (first, second), strict=True)):
             share = lock.spacing / lock.width
             closed = 1.0 - share * stretch * cosine
             where = np.flatnonzero(closed > 0.0)
@@ -166,8 +168,9 @@ def cloth_law(cloth: Cloth, yarns: YarnMechanics) -> MembraneLaw:
     for number, family in enumerate(cloth.families):
         stiffness = float(np.mean(np.asarray(yarns.tension)[number]))
         length = float(family.crossed * (1.0 + family.crimp.crimp))
-        locking.append(Locking(family.width, family.spacing, stiffness * length / area))
-    return YarnLaw(table, float(plate.membrane[2, 2]), (locking[0], locking[1]))
+        width = min(family.width, family.spacing)
+        locking.append(Locking(width, family.spacing, stiffness * length / area))
+    return YarnLaw(*table, plate.membrane[2:, 2], np.array(locking))
 
 
 class TensionTable:
@@ -175,7 +178,6 @@ class TensionTable:
 
     # `energy`, (m, n), are its coefficients along a and b [J/m²]; `line`, (k,), those of beta.
     def __init__(self, energy: Floats, line: Floats) -> None:
-        self.digest = digest_of(energy, line)
         rows = _ACROSS.cubics(_ALONG.cubics(energy), axis=2)
         #: (4 of a, 4 of b, cells).
         self._table = np.moveaxis(rows, 0, 1).reshape(4, 4, -1)
@@ -211,8 +213,8 @@ class TensionTable:
         return value, force, curve
 
 
-def tabulate_tension(crossings: Interchange, taut: float) -> TensionTable:
-    """Tabulate the energy of crimp interchange; `taut` is the stiffness of jams [N/m]."""
+def tabulate_tension(crossings: Interchange, taut: float) -> tuple[Floats, Floats]:
+    """Compute the coefficients of a `TensionTable`; `taut` is the stiffness of jams [N/m]."""
     line = _taut_line(crossings, _LINE.places)
     a = _ALONG.places
     k, z = _LINE.find_cells(a)
@@ -220,7 +222,7 @@ def tabulate_tension(crossings: Interchange, taut: float) -> TensionTable:
     along = along + _ACROSS.places - _TOE * _ACROSS.step
     stretch = 1.0 + np.stack([along + a[:, None], along - a[:, None]])
     energy = _energy_beyond_jams(crossings, stretch.reshape(2, -1), taut)
-    return TensionTable(energy.reshape(along.shape), line)
+    return energy.reshape(along.shape), line
 
 
 def _cubic(powers: Floats | list[Floats], x: Floats) -> tuple[Floats, Floats, Floats]:
