@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from spacemap_vtk.errors import InputError
 
@@ -145,6 +145,37 @@ def align_decimals(values: Iterable[float], digits: int = 4) -> list[str]:
     least = min((abs(number) for number in numbers if number), default=1.0)
     decimals = min(max(digits - 1 - math.floor(math.log10(least)), 0), 6)
     return [f"{number:.{decimals}f}" for number in numbers]
+
+
+def format_errors(texts: Sequence[str], errors: Sequence[float | None]) -> list[str]:
+    """Add errors to numbers that `align_decimals` has formatted, rounded up to their decimals."""
+    decimals = [len(text.partition(".")[2]) for text in texts]
+    scaled = [
+        None if error is None else f"{math.ceil(error * 10**count - 1e-6) / 10**count:.{count}f}"
+        for error, count in zip(errors, decimals, strict=True)
+    ]
+    width = max((len(error) for error in scaled if error is not None), default=0)
+    return [
+        text if error is None and not width else f"{text} ± {error or '–':>{width}}"
+        for text, error in zip(texts, scaled, strict=True)
+    ]
+
+
+def format_with_error(value: float, error: float | None, unit: str, digits: int = 4) -> str:
+    """Format a value in a suitable unit, and its error in the same unit, rounded up.
+
+    The value has no digits below the second digit of the error.
+    """
+    text = format_quantity(value, unit, digits)
+    if error is None:
+        return text
+    name = text.partition(" ")[2]
+    size = UNITS[unit][name] if name else 1.0
+    value, error = value / size, error / size
+    most = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
+    decimals = max(min(1 - math.floor(math.log10(error)) if error else most, most), 0)
+    error = math.ceil(error * 10**decimals - 1e-6) / 10**decimals
+    return f"{value:.{decimals}f} ± {error:.{decimals}f} {name}".rstrip()
 
 
 def format_length(value: float) -> str:
