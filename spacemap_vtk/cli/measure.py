@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import (
+    PICTURE,
     Json,
     Quiet,
     SceneName,
@@ -51,8 +52,13 @@ def measure(
         Path | None,
         output_option(
             "Write a file instead: .csv with the curve of the test (of all tests, their figures), "
-            f"or the plot as {describe_writers('plot')}."
+            f"the plot as {describe_writers('plot')}, or a film of the specimen in the instrument "
+            f"as {describe_writers('film')}."
         ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        Parameter(help="Width and height of a film in pixels. Default: 1280x720.", group=PICTURE),
     ] = None,
     set_: Set = (),
     json_: Json = False,
@@ -63,7 +69,9 @@ def measure(
     with name_options():
         if output is not None:
             job = MeasureJob(output, test)
-    chosen = open_scene(scene, set_)
+    chosen = open_scene(scene, set_, size=size)
+    if job is not None and size is not None:
+        job.size = chosen.view.size
     if job is not None:
         run_job(job, chosen, "Measuring", quiet)
         return
@@ -97,6 +105,7 @@ For example:
 
     spacemap measure yarn_to_cloth --test bending
     spacemap measure yarn_to_cloth --test shear -o shear.png
+    spacemap measure yarn_to_cloth --test cantilever -o cantilever.gif
     spacemap measure yarn_to_cloth --test all --json
     spacemap measure draft.wif --test all --set yarns.inextensible=false \\
         --set "yarns.modulus=300 cN/tex" --set "yarns.bending=2 mN.mm2"

@@ -55,7 +55,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         Axis("curvature", PER_CM),
         Axis("moment per width", GF_CM_PER_CM),
         notes=[f"2HB is not modelled: {_NO_HYSTERESIS}"],
-        states=_bend_specimen(fabric),
+        states=_bend_specimen(fabric, rigidities["warp"]),
     )
 
 
@@ -65,15 +65,15 @@ def mean_slope(curvature: Floats, moment: Floats) -> float:
     return float((ends[1] - ends[0] + ends[3] - ends[2]) / (2 * (SLOPE_TO - SLOPE_FROM)))
 
 
-def _bend_specimen(fabric: Fabric, count: int = 61) -> States:
+def _bend_specimen(fabric: Fabric, rigidity: float, count: int = 61) -> States:
     """Compute the states of a specimen whose warp is bent: up, down, and back."""
     strokes = LARGEST * np.sin(np.linspace(0.0, 2 * np.pi, count))
     return map_sheet(
-        (WIDTH, LENGTH),
+        (LENGTH, LENGTH),  # a twentieth of its width
         fabric.thickness,
         (4, 24),
         [partial(_arc, curvature=curvature) for curvature in strokes],
-        [f"{curvature / 100:+.2f} 1/cm" for curvature in strokes],
+        np.stack([strokes, rigidity * strokes], axis=1),
     )
 
 
@@ -87,5 +87,6 @@ def _arc(flat: Floats, curvature: float) -> tuple[Floats, Floats]:
     run = (along - start) * np.sinc(angle / np.pi)
     rise = (along - start) * half * np.sin(angle / 2)
     zero = np.zeros_like(x)
-    places = np.stack([x, start + run, rise], axis=1)
-    return places, np.stack([zero, -np.sin(angle), np.cos(angle)], axis=1)
+    # Turned so that the camera sees the arc from the side.
+    places = np.stack([start + run, -x, rise], axis=1)
+    return places, np.stack([-np.sin(angle), zero, np.cos(angle)], axis=1)

@@ -47,9 +47,8 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     """Pull a square along both directions, and along each with the other held."""
     readings, curves = [], []
     paths = {"1:1": np.array([1.0, 1.0]), "warp": np.array([0.0, 1.0]), "weft": np.array([1.0, 0])}
-    ends = {}
     for number, (path, way) in enumerate(paths.items()):
-        end = ends[path] = find_end(fabric, way)
+        end = find_end(fabric, way)
         steps = np.linspace(0.0, end, _POINTS)
         force = nominal_forces(fabric, 1.0 + steps[:, None] * way)
         for name, axis in DIRECTIONS:
@@ -64,7 +63,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         curves,
         Axis("extension", PERCENT),
         Axis("force per width", GF_PER_CM),
-        states=_pull_square(fabric, ends["1:1"]),
+        states=_pull_square(fabric, curves[0]),
     )
 
 
@@ -106,15 +105,16 @@ def tensile_readings(direction: str, extension: Floats, force: Floats) -> list[R
     ]
 
 
-def _pull_square(fabric: Fabric, end: float, count: int = 41) -> States:
+def _pull_square(fabric: Fabric, curve: Curve, count: int = 41) -> States:
     """Compute the states of the square that is pulled along both directions."""
-    steps = end * np.linspace(0.0, 1.0, count)
+    steps = curve.x[-1] * np.linspace(0.0, 1.0, count)
     return map_sheet(
         (SIDE, SIDE),
         fabric.thickness,
         (4, 4),
         [partial(_stretched, by=by) for by in steps],
-        [f"{by:.2%}" for by in steps],
+        np.stack([steps, np.interp(steps, curve.x, curve.y)], axis=1),
+        "front",
     )
 
 

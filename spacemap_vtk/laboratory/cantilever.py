@@ -147,7 +147,7 @@ def peirce_length(overhang: float, chord: float) -> float:
 
 
 def _push_strip(fabric: Fabric, unit: float, strips: list[Elastica]) -> States:
-    """Compute the states of a strip of warp that is pushed over the edge at y = 0."""
+    """Compute the states of a strip of warp that is pushed over the edge at x = 0."""
     longest = strips[-1].length * unit
     size = (WIDTH, LYING + longest)
     return map_sheet(
@@ -155,7 +155,7 @@ def _push_strip(fabric: Fabric, unit: float, strips: list[Elastica]) -> States:
         fabric.thickness,
         (3, max(20, round(size[1] / (unit / 10)))),
         [partial(_hanging, unit=unit, strip=strip) for strip in (None, *strips)],
-        [f"{0.0:.1f}°", *(f"{np.degrees(strip.chord):.1f}°" for strip in strips)],
+        np.array([(0.0, 0.0), *((strip.length * unit, strip.chord) for strip in strips)]),
     )
 
 
@@ -170,5 +170,6 @@ def _hanging(flat: Floats, unit: float, strip: Elastica | None) -> tuple[Floats,
         slope = np.interp(over, unit * strip.arc, strip.slope)
         run = run + np.interp(over, unit * strip.arc, unit * strip.places[:, 0])
         fall = np.interp(over, unit * strip.arc, unit * strip.places[:, 1])
-    places = np.stack([x, run, -fall], axis=1)
-    return places, np.stack([np.zeros_like(x), np.sin(slope), np.cos(slope)], axis=1)
+    # Turned so that the camera sees the strip from the side.
+    places = np.stack([run, -x, -fall], axis=1)
+    return places, np.stack([np.sin(slope), np.zeros_like(x), np.cos(slope)], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -30,6 +31,8 @@ class Fabric:
     #: Geometry and stiffness of its yarns, where they are known.
     cloth: Cloth | None = None
     yarns: YarnMechanics | None = None
+    #: Law of its membrane; None: the stress is in proportion to the strain, as in `plate`.
+    law: MembraneLaw | None = None
 
     def stress(self, strain: Floats) -> Floats:
         """Compute the membrane stress.
@@ -44,7 +47,7 @@ class Fabric:
         ndarray of float64, shape (…, 3)
             Second Piola-Kirchhoff stress per width [N/m].
         """
-        return strain @ self.plate.membrane
+        return strain @ self.plate.membrane if self.law is None else self.law.stress(strain)
 
     def require_areal_mass(self) -> float:
         """Return the mass per area [kg/m²].

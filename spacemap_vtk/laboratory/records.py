@@ -128,8 +128,10 @@ class States:
     cells: Ints
     #: (n, V, 3) Displacement in each state [m].
     displacements: Floats
-    #: What is shown, for each state, for example ``7.5°``.
-    captions: Sequence[str]
+    #: (n, 2) Place of each state in the plot [SI].
+    marks: Floats
+    #: Camera that shows the test well, as in a scene's view.
+    camera: str = "lying"
 
     @property
     def size(self) -> tuple[float, float]:
@@ -171,7 +173,8 @@ def map_sheet(
     thickness: float,
     divisions: tuple[int, int],
     shapes: Sequence[Callable[[Floats], tuple[Floats, Floats]]],
-    captions: Sequence[str],
+    marks: Floats,
+    camera: str = "lying",
 ) -> States:
     """Compute states of a rectangular specimen from maps of its mid-surface."""
     width, length = size
@@ -181,4 +184,4 @@ def map_sheet(
     for shape in shapes:
         middle, normal = shape(points[:, :2])
         moved.append(middle + points[:, 2:] * normal - points)
-    return States(points, cells, np.array(moved), captions)
+    return States(points, cells, np.array(moved), marks, camera)

@@ -19,6 +19,7 @@ from functools import partial
 
 import numpy as np
 
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.laboratory.fabric import DIRECTIONS, Fabric
 from spacemap_vtk.laboratory.records import (
     DEGREE,
@@ -39,8 +40,8 @@ PRETENSION = 10.0 * GF_PER_CM.size
 LARGEST, SLOPE_FROM, SLOPE_TO, HYSTERESIS, HYSTERESIS_5 = 8.0, 0.5, 2.5, 0.5, 5.0
 #: Size of the specimen across and along the pretension [m].
 WIDTH, LENGTH = 0.20, 0.05
-#: Newton steps for the length under pretension.
-_STEPS = 30
+#: First and largest stretch at which the pretension is sought, and steps that bisect its range.
+_FIRST, _LARGEST_STRETCH, _BISECTIONS = 1e-3, 2.0, 45
 _NO_HYSTERESIS = "the friction of crossings is not given"
 
 
@@ -70,44 +71,47 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
             f"G includes {share:.3f} gf/(cm·°) of the pretension of 10 gf/cm",
             f"2HG and 2HG5 are not modelled: {_NO_HYSTERESIS}",
         ],
-        states=_shear_specimen(fabric),
+        states=_shear_specimen(fabric, curves[0]),
     )
 
 
 def shear_forces(fabric: Fabric, angles: Floats, axis: int = 1) -> Floats:
     """Compute the shear force of a specimen under pretension."""
-    along = np.cos(angles)
     strain = np.zeros((len(angles), 3))
-    stretch = np.ones_like(angles)
-    # The stretch under pretension: S22 λ cos φ = W, by the secant method at all angles at once.
-    before, last = np.zeros_like(angles), np.zeros_like(angles)
-    for step in range(_STEPS):
+
+    def tension(stretch: Floats) -> Floats:
         strain[:, axis] = (stretch**2 - 1.0) / 2
         strain[:, 2] = stretch * np.sin(angles)
-        stress = fabric.stress(strain)
-        miss = stress[:, axis] * stretch * along - PRETENSION
-        if (abs(miss) < 1e-12 * PRETENSION).all():
-            break
-        if step == 0:
-            slope = np.full_like(miss, fabric.plate.membrane[axis, axis])
-        else:
-            moved = stretch - before
-            slope = np.where(moved, (miss - last) / np.where(moved, moved, 1.0), slope)
-        before, last = stretch, miss
-        stretch = stretch - miss / slope
-    forces: Floats = PRETENSION * np.tan(angles) + stress[:, 2]
+        return fabric.stress(strain)[:, axis] * stretch * np.cos(angles)
+
+    # The stretch under pretension: S22 v = W.
+    low, high = np.ones_like(angles), np.full_like(angles, 1.0 + _FIRST)
+    while (slack := tension(high) < PRETENSION).any():
+        low, high = np.where(slack, high, low), np.where(slack, 2.0 * high - 1.0, high)
+        if high.max() > _LARGEST_STRETCH:
+            raise InputError(
+                "the cloth stretches by more than 100 % under the pretension of 10 gf/cm",
+                cure="Give the yarns a larger tension or modulus in [yarns]",
+            )
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        slack = tension(middle) < PRETENSION
+        low, high = np.where(slack, middle, low), np.where(slack, high, middle)
+    tension(high)
+    forces: Floats = PRETENSION * np.tan(angles) + fabric.stress(strain)[:, 2]
     return forces
 
 
-def _shear_specimen(fabric: Fabric, count: int = 61) -> States:
+def _shear_specimen(fabric: Fabric, curve: Curve, count: int = 61) -> States:
     """Compute the states of a specimen whose warp reaches from clamp to clamp."""
-    angles = LARGEST * np.sin(np.linspace(0.0, 2 * np.pi, count))
+    angles = np.radians(LARGEST) * np.sin(np.linspace(0.0, 2 * np.pi, count))
     return map_sheet(
-        (WIDTH, LENGTH),
+        (LENGTH / 2, LENGTH),  # an eighth of its width
         fabric.thickness,
         (4, 4),
-        [partial(_sheared, angle=np.radians(angle)) for angle in angles],
-        [f"{angle:+.1f}°" for angle in angles],
+        [partial(_sheared, angle=angle) for angle in angles],
+        np.stack([angles, np.interp(angles, curve.x, curve.y)], axis=1),
+        "front",
     )
 
 

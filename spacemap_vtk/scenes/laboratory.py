@@ -16,6 +16,7 @@ from spacemap_vtk.laboratory.records import Measurement
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 from spacemap_vtk.ndarrays import Progress
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.crimp.cloth_law import cloth_law
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.weave.figures import fabric_figures
 
@@ -90,9 +91,9 @@ def _from_yarns(scene: Scene, yarns: YarnParameters) -> Fabric:
     with scene.add_file_to_errors():
         cloth = scene.woven.cloth
         mechanics, figures = yarns.yarns(cloth), fabric_figures(cloth)
-        plate = cloth_stiffness(cloth, mechanics)
+        plate, law = cloth_stiffness(cloth, mechanics), cloth_law(cloth, mechanics)
     mass = figures["areal_mass"]
-    return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics)
+    return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics, law)
 
 
 def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None) -> Fabric | None:
@@ -114,7 +115,9 @@ def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None)
     cloth = scene.woven.cloth
     thickness = fabric_figures(cloth)["thickness"]
     if solver.material == WOVEN and yarns is not None:
-        return Fabric(plate, thickness, mass, "its yarns", cloth, yarns.yarns(cloth))
+        mechanics = yarns.yarns(cloth)
+        law = cloth_law(cloth, mechanics)
+        return Fabric(plate, thickness, mass, "its yarns", cloth, mechanics, law)
     origin = solver.material if solver.material in FABRICS else "the sheet in [modal]"
     return Fabric(plate, thickness, mass, origin)
 
