@@ -35,8 +35,8 @@ from spacemap_vtk.ndarrays import Floats, Progress
 
 #: Force per width at which the test ends [N/m]: 500 gf/cm.
 LARGEST = 500.0 * GF_PER_CM.size
-#: Side of the square [m].
-SIDE = 0.05
+#: Side of the part of the square that a film shows [m]; its state is uniform.
+SIDE = 0.015
 #: Points of a curve.
 _POINTS = 201
 #: Stretch up to which the largest force is sought.

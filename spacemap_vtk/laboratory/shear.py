@@ -106,7 +106,7 @@ def _shear_specimen(fabric: Fabric, curve: Curve, count: int = 61) -> States:
     """Compute the states of a specimen whose warp reaches from clamp to clamp."""
     angles = np.radians(LARGEST) * np.sin(np.linspace(0.0, 2 * np.pi, count))
     return map_sheet(
-        (LENGTH / 2, LENGTH),  # an eighth of its width
+        (0.4 * LENGTH, LENGTH),  # a tenth of its width
         fabric.thickness,
         (4, 4),
         [partial(_sheared, angle=angle) for angle in angles],

@@ -98,12 +98,12 @@ class CurvePanel:
         self._axes, self._panel = (measurement.x_axis, measurement.y_axis), panel
         self._canvas = FigureCanvasAgg(figure)
         self._canvas.draw()
-        self._empty = self._canvas.copy_from_bbox(figure.bbox)  # type: ignore[no-untyped-call]
+        self._empty = self._canvas.copy_from_bbox(figure.bbox)
 
     def draw(self, mark: tuple[float, float]) -> Image:
         """Return the plot with its point at a place [SI]."""
         x, y = (value / axis.unit.size for value, axis in zip(mark, self._axes, strict=True))
-        self._canvas.restore_region(self._empty)  # type: ignore[no-untyped-call]
+        self._canvas.restore_region(self._empty)
         self._dot.set_data([x], [y])
         pairs = zip(self._axes, (x, y), strict=True)
         self._caption.set_text("\n".join(_caption(axis, value) for axis, value in pairs))
