@@ -14,8 +14,10 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.datasets.arrays import (
     add_array,
+    add_number,
     elements_of,
     mask_reader,
     points_of,
@@ -39,6 +41,7 @@ from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.rest_states import RestState, RestTask, load_or_solve_rest
+from spacemap_vtk.filters.shape_limits import LAW_CRIMP, check_folds, check_strains
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.rest_state import read_rest_state
 from spacemap_vtk.mechanics.boundary.reactions import find_bearings
@@ -64,28 +67,19 @@ from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.weave.cloth import FAMILIES
+from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.units import format_quantity
-
-#: A cage that bends or twists by more than this factor too stiffly or too softly causes a warning.
-BENDS_ALIKE = 2.0
 
 #: Quadratic tetrahedra that are at most this many thicknesses wide twist correctly, within 5 % in
 #: frequency (see `spacemap_vtk.mechanics.elements.locking.estimate_locking`).
 TWISTS_WELL = 4
-
-#: Above this Poisson's ratio (see
-#: `spacemap_vtk.mechanics.elements.materials.equivalent_poissons_ratio`) linear tetrahedra also
-#: show volumetric locking.
-NEARLY_INCOMPRESSIBLE = 0.45
 
 #: Solutions that take less time than this, in s, are not always stored on disk: while a slider is
 #: dragged, writing would take as long as solving.
 _QUICK = 0.05
 #: Least time between two stored quick solutions, in s.
 _PAUSE = 1.0
-
-#: Rounding errors of eigenvalues above this share cause a warning.
-ROUNDING = 1e-4
 
 #: The arrays that are stored on disk, and their shapes.
 _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
@@ -340,6 +334,13 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
 
         output.ShallowCopy(grid)
+        self._check_law(grid, output)
+        if model.displacement is not None:
+            surface = model.pencil.surface
+            check_folds(self, grid, vertices, vertices + model.displacement, surface)
+            strain, _ = model.strain_and_stress(np.zeros_like(vertices))
+            check_strains(self, output, strain, surface)
+            self._check_obstacles(model, _mean_edge(grid) if sheet is None else sheet.cell)
         add_model(output, model, self.gravity)
         add_terms(output, recipes, anchors)
         add_contact(output, model)
@@ -353,14 +354,14 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
         for text in self.warnings_for_other_elements(sheet is not None):
             self.warn(text)
-        self._warn_of_rounding(rounding)
+        self._check_rounding(rounding)
         if sheet is not None:
             return
         if self.material in FABRICS and self.youngs_moduli is None:
-            self._warn_of_thickness(FABRICS[self.material].plate_thickness, extent)
-        self._warn_of_stiffness(model)
+            self._check_thickness(FABRICS[self.material].plate_thickness, extent)
+        self._check_locking(model)
         if linear:
-            self._warn_of_volume(model.elasticity)
+            self._check_volume(model.elasticity)
 
     def _contact_recipes(
         self, grid: vtkUnstructuredGrid, material: Floats | Plate, sheet: Layer | None
@@ -612,52 +613,66 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             self._arrays = modes, arrays
         return self._arrays[1]
 
-    def _warn_of_thickness(self, plate: float, extent: float) -> None:
+    def _check_thickness(self, plate: float, extent: float) -> None:
         times = (extent / plate) ** 2
-        if not 1 / BENDS_ALIKE <= times <= BENDS_ALIKE:
-            softly = "softly" if times < 1 else "stiffly"
-            lower = "lower" if times > 1 else "raise"
-            times = max(times, 1 / times)
-            shown_plate = format_quantity(float(f"{plate:.3g}"), "m")
-            self.warn(
-                f"the cage stretches like {self.material}, but bends {times:.2g} times too "
-                f"{softly} ({self.material} bends like a plate of {shown_plate}); set "
-                f'modal.elements = "sheet", or {lower} youngs_moduli and shear_moduli '
-                f"{times:.2g} times"
+        softly, lower = ("softly", "raise") if times < 1 else ("stiffly", "lower")
+        times = max(times, 1 / times)
+        shown_plate = format_quantity(float(f"{plate:.3g}"), "m")
+        self.check_limit(
+            "thickness",
+            times,
+            found=f"the cage stretches like {self.material}, but bends {{}} too {softly} "
+            f"({self.material} bends like a plate of {shown_plate})",
+            cure=f'set modal.elements = "sheet", or {lower} youngs_moduli and shear_moduli '
+            f"{times:.2g} times",
+        )
+
+    def _check_rounding(self, rounding: Floats) -> None:
+        worst, most = float(rounding.max()), LIMITS["rounding"].most
+        poor = np.flatnonzero(rounding > (LOST if worst > LOST else most))
+        beyond = ""
+        if len(poor):
+            which = f"mode {poor[0] + 1}"
+            if len(poor) > 1:
+                which = f"modes {poor[0] + 1} to {poor[-1] + 1}"
+            digits = int(-math.log10(worst))
+            verb = "is" if digits == 1 else "are"
+            beyond = (
+                f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} {verb} "
+                "correct"
             )
+            if worst > LOST:
+                beyond = f"the frequency of {which} is lost in rounding"
+        self.check_limit("rounding", worst, beyond=beyond)
 
-    def _warn_of_rounding(self, rounding: Floats) -> None:
-        worst = float(rounding.max())
-        if worst <= ROUNDING:
+    def _check_law(self, grid: vtkUnstructuredGrid, output: vtkUnstructuredGrid) -> None:
+        """State what cloth from its yarns assumes; keep the crimp up to which its law is linear."""
+        output.GetFieldData().RemoveArray(LAW_CRIMP)
+        if self.material != WOVEN:
             return
-        poor = np.flatnonzero(rounding > (LOST if worst > LOST else ROUNDING))
-        which = (
-            f"mode {poor[0] + 1}" if len(poor) == 1 else f"modes {poor[0] + 1} to {poor[-1] + 1}"
-        )
-        digits = int(-math.log10(worst))
-        verb = "is" if digits == 1 else "are"
-        loss = (
-            f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} {verb} correct"
-        )
-        if worst > LOST:
-            loss = f"the frequency of {which} is lost in rounding"
-        self.warn(
-            f"{loss}, because the cage is much softer in bending than in stretching; use a thicker "
-            "cage, fewer divisions or more modes"
-        )
+        self.check_limit("no_slip")
+        cloth = cloth_of(grid)
+        assert cloth is not None
+        figures = fabric_figures(cloth)
+        crimp = min(figures[family]["mean_crimp"] for family in FAMILIES)
+        if crimp > 0.0:
+            add_number(output.GetFieldData(), LAW_CRIMP, crimp)
 
-    def _warn_of_stiffness(self, model: Model) -> None:
+    def _check_obstacles(self, model: Model, cell: float) -> None:
+        depths = [term.obstacle.depth for term in obstacles_of(model)]
+        if depths:
+            self.check_limit("obstacle", cell / min(depths))
+
+    def _check_locking(self, model: Model) -> None:
         if self._locking is None or self._locking[0] != model.digest:
             held = ~model.free.reshape(-1, 3)
             found = estimate_locking(model.points, model.cells, model.elasticity, held)
             self._locking = model.digest, found
         bending, twist = self._locking[1]
-        if max(bending, twist) <= BENDS_ALIKE:
-            return
         sheet = proportions_of(model.points, model.cells)
         linear = model.cells.shape[1] == 4
         factors = {"bend": bending} if linear else {}
-        if twist > BENDS_ALIKE:
+        if twist > LIMITS["locking"].most:
             factors["twist"] = twist
         widest = format_quantity(float(f"{TWISTS_WELL * sheet.thickness:.3g}"), "m")
         fine = f"cells no wider than {TWISTS_WELL} thicknesses ({widest})"
@@ -675,23 +690,25 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             f"{what}s about {_format_factor(times)} times" for what, times in factors.items()
         ]
         too_high = " and ".join(_format_factor(math.sqrt(times)) for times in factors.values())
-        self.warn(
-            f"the cage of {'linear' if linear else 'quadratic'} tetrahedra "
-            f"{' and '.join(too_stiff)} too stiffly: frequencies are about {too_high} times too "
-            f"high; {cure}"
+        self.check_limit(
+            "locking",
+            max(bending, twist),
+            found=f"the cage of {'linear' if linear else 'quadratic'} tetrahedra "
+            f"{' and '.join(too_stiff)} too stiffly",
+            beyond=f"frequencies are about {too_high} times too high",
+            cure=cure,
         )
 
-    def _warn_of_volume(self, elasticity: Floats) -> None:
-        ratio = equivalent_poissons_ratio(elasticity)
-        if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
-            isotropic = self.material == "isotropic"
-            kind = "a " if isotropic else "an equivalent "
-            parameter = "poissons_ratio to 0.45" if isotropic else "poissons_ratios"
-            self.warn(
-                f"linear tetrahedra are too stiff at {kind}Poisson's ratio of {ratio:.4g} "
-                "(volumetric locking); set [cage] order = 2 (quadratic tetrahedra), or lower "
-                f"{parameter}"
-            )
+    def _check_volume(self, elasticity: Floats) -> None:
+        isotropic = self.material == "isotropic"
+        kind = "" if isotropic else "the equivalent "
+        parameter = "poissons_ratio to 0.45" if isotropic else "poissons_ratios"
+        self.check_limit(
+            "volume",
+            round(equivalent_poissons_ratio(elasticity), 9),
+            found=f"{kind}Poisson's ratio is {{}}",
+            cure=f"set [cage] order = 2 (quadratic tetrahedra), or lower {parameter}",
+        )
 
 
 def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.applicability import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
 from spacemap_vtk.errors import (
@@ -23,7 +24,6 @@ from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.contact.opening import resting_contacts
-from spacemap_vtk.mechanics.elements.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.plates import DataSheet
 from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
@@ -35,6 +35,7 @@ from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.figure_errors import add_errors, describe_unconverged
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.valid_ranges import collect_findings
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.geometry.weave import build_weave, count_patches
 from spacemap_vtk.textile.geometry.yarn_clearance import (
@@ -166,6 +167,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         **figures,
         "path": report_path(scene.modal),
         "errors_missing": missing or None,
+        "applicability": [finding.as_json() for finding in collect_findings(scene)],
         "warnings": scene.warnings,
     }
 
@@ -373,6 +375,8 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         figures["deformed_clearance"] = _report_clearance(
             measure_clearance(build_weave(woven.cloth), moved)
         )
+    findings = collect_findings(scene, figures.get("motion"))
+    figures["applicability"] = [finding.as_json() for finding in findings]
     figures["warnings"] = scene.warnings
     return figures
 
