@@ -31,6 +31,7 @@ from spacemap_vtk.datasets.modal_model import (
     add_model,
     add_sheet,
     add_terms,
+    contact_of,
 )
 from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
@@ -340,10 +341,10 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             check_folds(self, grid, vertices, vertices + model.displacement, surface)
             strain, _ = model.strain_and_stress(np.zeros_like(vertices))
             check_strains(self, output, strain, surface)
-            self._check_obstacles(model, _mean_edge(grid) if sheet is None else sheet.cell)
         add_model(output, model, self.gravity)
         add_terms(output, recipes, anchors)
         add_contact(output, model)
+        self._check_obstacles(model, output, _mean_edge(grid) if sheet is None else sheet.cell)
         if model.plate is not None:
             add_sheet(output, data_sheet(model.plate, mass))
         for array in self._mode_arrays(shapes, model.density):
@@ -658,8 +659,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         if crimp > 0.0:
             add_number(output.GetFieldData(), LAW_CRIMP, crimp)
 
-    def _check_obstacles(self, model: Model, cell: float) -> None:
-        depths = [term.obstacle.depth for term in obstacles_of(model)]
+    def _check_obstacles(self, model: Model, output: vtkUnstructuredGrid, cell: float) -> None:
+        found = zip(obstacles_of(model), contact_of(output), strict=True)
+        depths = [term.obstacle.depth for term, contact in found if contact.points]
         if depths:
             self.check_limit("obstacle", cell / min(depths))
 
