@@ -10,21 +10,8 @@ from spacemap_vtk.scenes.scene import Scene
 
 
 def collect_findings(scene: Scene, motion: dict[str, Any] | None = None) -> list[Finding]:
-    """Return what the stages of a scene found in their last runs, the worst value of each limit.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene, updated.
-    motion : dict, optional
-        Figures of `spacemap_vtk.scenes.report.report_motion`: rotations of a linear motion are then
-        the largest of all times, not those of the last update.
-
-    Returns
-    -------
-    list of Finding
-        In the order of the pipeline.
-    """
+    """Return what the stages of a scene found in their last runs, the worst value of each limit."""
+    # Rotations of a linear motion are the largest of all times, if its figures are given.
     worst: dict[str, Finding] = {}
     for stage in scene.stages:
         for found in stage.findings:
