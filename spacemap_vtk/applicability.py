@@ -98,31 +98,12 @@ class Finding(NamedTuple):
 
 
 def key_of_warning(text: str) -> str:
-    """Return what two warnings share if the second only repeats the first with another value.
-
-    Parameters
-    ----------
-    text : str
-        A warning.
-
-    Returns
-    -------
-    str
-        The key of the limit that it is about, or the text itself.
-    """
+    """Return the name of the limit that a warning is about, or its text."""
     return text.key if isinstance(text, LimitWarning) else text
 
 
 def add_warning(known: dict[str, str], text: str) -> None:
-    """Add a warning to those known; of several about one limit, the one of the largest value stays.
-
-    Parameters
-    ----------
-    known : dict
-        Warnings by their keys; changed in place.
-    text : str
-        A warning.
-    """
+    """Add a warning to those known by their keys; of several about a limit the worst stays."""
     key = key_of_warning(text)
     former = known.get(key)
     if not (isinstance(former, LimitWarning) and isinstance(text, LimitWarning)):

@@ -1,4 +1,9 @@
-"""Whether a cage's shape is within the range of its elements, its material and its cloth."""
+"""Whether a cage's shape is within the range of its elements, its material and its cloth.
+
+Vertices are (V, 3), undeformed and deformed [m]. Strains (T, 6) are Green's, as
+`spacemap_vtk.mechanics.modal.model.Model.strain_and_stress` returns them. A cage that is a sheet
+has a mid-surface.
+"""
 
 from __future__ import annotations
 
@@ -30,19 +35,7 @@ def check_folds(
     moved: Floats,
     surface: MidSurface | None,
 ) -> None:
-    """Check the folds of a sheet against its cells, and against the thickness of its cloth.
-
-    Parameters
-    ----------
-    stage : Stage
-        Stage that has made the shape.
-    grid : vtkUnstructuredGrid
-        The cage, with the cloth in it.
-    rest, moved : ndarray of float64, shape (V, 3)
-        Vertices undeformed and deformed [m].
-    surface : MidSurface or None
-        Mid-surface, if the cage is a sheet.
-    """
+    """Check the folds of a sheet against its cells, and against the thickness of its cloth."""
     if surface is None:
         return
     turn, curvature = find_tightest_fold(rest, moved, surface)
@@ -55,7 +48,7 @@ def check_folds(
 def check_inversion(
     stage: Stage, rest: Floats, moved: Floats, cells: Ints, surface: MidSurface | None
 ) -> None:
-    """Check that no element is turned inside out; parameters as for `check_folds`."""
+    """Check that no element is turned inside out."""
     count = count_inverted(rest, moved - rest, cells, surface)
     total, kind = (
         (len(cells), "tetrahedra")
@@ -69,19 +62,7 @@ def check_inversion(
 def check_strains(
     stage: Stage, grid: vtkUnstructuredGrid, strain: Floats, surface: MidSurface | None
 ) -> None:
-    """Check strains against the range of linear laws of material.
-
-    Parameters
-    ----------
-    stage : Stage
-        Stage that has made the shape.
-    grid : vtkUnstructuredGrid
-        The cage, with the crimp of its yarns if their linear law is its own.
-    strain : ndarray of float64, shape (T, 6)
-        As for `spacemap_vtk.mechanics.elements.deformation.largest_stretch`.
-    surface : MidSurface or None
-        Mid-surface, if the cage is a sheet.
-    """
+    """Check strains against the range of linear laws of material."""
     stage.check_limit("strain", largest_stretch(strain, surface is not None))
     crimp = grid.GetFieldData().GetArray(LAW_CRIMP)
     if crimp is not None:
@@ -89,19 +70,7 @@ def check_strains(
 
 
 def check_yarns(stage: Stage, cloth: Cloth, strain: Floats, keeps_length: bool) -> None:
-    """Check what the yarns of a cloth do in a cage that is strained.
-
-    Parameters
-    ----------
-    stage : Stage
-        Stage that moves the yarns with the cage.
-    cloth : Cloth
-        The cloth at rest.
-    strain : ndarray of float64, shape (T, 6)
-        As for `check_strains`.
-    keeps_length : bool
-        Whether the yarns exchange crimp, so that they need not stretch with the cage.
-    """
+    """Check what the yarns of a cloth do in a cage that is strained."""
     if not keeps_length:
         stage.check_limit("embedded", float(abs(stretch_of(strain[:, :2])).max(initial=0.0)))
     widths = [float((yarns.aspect * yarns.diameter).max()) for yarns in cloth.yarns]

@@ -28,7 +28,18 @@ class Fold(NamedTuple):
 
 
 def stretch_of(strain: Floats) -> Floats:
-    """Compute the relative change of length for Green's strain along it."""
+    """Compute the relative change of a length from Green's strain along it.
+
+    Parameters
+    ----------
+    strain : ndarray of float64, shape (…)
+        Green's strain along the length.
+
+    Returns
+    -------
+    ndarray of float64
+        Stretch minus 1, of the same shape.
+    """
     return np.asarray(np.sqrt(np.maximum(1.0 + 2.0 * strain, 0.0)) - 1.0)
 
 
@@ -58,7 +69,18 @@ def largest_stretch(strain: Floats, in_plane: bool) -> float:
 
 
 def shear_angles(strain: Floats) -> Floats:
-    """Compute the change of the right angle between x and y in each element [rad]."""
+    """Compute by how much the right angle between x and y changes in each element.
+
+    Parameters
+    ----------
+    strain : ndarray of float64, shape (T, 6)
+        Green's strain of each element.
+
+    Returns
+    -------
+    ndarray of float64
+        Angles of shear, (T,) [rad].
+    """
     xx, yy, xy = strain[:, 0], strain[:, 1], strain[:, 5]
     sides = np.sqrt(np.maximum((1.0 + 2.0 * xx) * (1.0 + 2.0 * yy), 1e-12))
     return np.asarray(np.arcsin(np.clip(xy / sides, -1.0, 1.0)))
