@@ -14,6 +14,7 @@ from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, point
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact
 from spacemap_vtk.mechanics.contact.resting import report_contact, rested_terms
+from spacemap_vtk.mechanics.elements.curve_law import CurveLaw
 from spacemap_vtk.mechanics.elements.membrane_law import LinearLaw, MembraneLaw
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, make_term
@@ -37,7 +38,7 @@ _LOCAL = "local_thickness"
 #: Names of the field arrays of a sheet's law: its kind, and the prefix of its own arrays.
 _LAW, _LAW_ARRAY = "membrane_law", "membrane_law_{}"
 #: Laws that can be read again, by kind.
-_LAWS = {law.kind: law for law in (LinearLaw, YarnLaw)}
+_LAWS = {law.kind: law for law in (LinearLaw, YarnLaw, CurveLaw)}
 
 #: Name of the field array of the gravity in the equilibrium, or after the cage's release [m/s²].
 GRAVITY_IN_FORCE = "equilibrium_gravity"

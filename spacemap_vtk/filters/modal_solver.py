@@ -36,8 +36,9 @@ from spacemap_vtk.datasets.modal_model import (
 from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
-from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
+from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.grip import Grips, hold_with_grips, make_grips
+from spacemap_vtk.filters.law_parameters import LawParameters
 from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
@@ -100,7 +101,7 @@ class CageSheet(NamedTuple):
     """Mean thickness of the cage [m]."""
 
 
-class ModalSolver(CageMaterial, CageFittings, Stage):
+class ModalSolver(LawParameters, CageFittings, Stage):
     """Compute the lowest vibration modes of a cage of tetrahedra: K s = λ M s.
 
     Modes are kept: another modulus or density only scales them. Modes that were computed before are

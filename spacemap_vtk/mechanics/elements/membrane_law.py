@@ -31,6 +31,9 @@ from spacemap_vtk.ndarrays import Floats
 #: those that Newton's method predicts.
 _LEAST_SQUARE = 0.01
 
+#: Sine of the shear angle beyond which formulas of the angle are continued by straight lines.
+_LARGEST_SINE = np.sin(np.radians(88.0))
+
 
 class LawResponse(NamedTuple):
     """Response of a membrane to strains of shape (…, 3)."""
@@ -194,3 +197,40 @@ class StretchLaw(MembraneLaw):
         return LawResponse(
             energy.reshape(shape[:-1]), stress.reshape(shape), tangent.reshape(*shape, 3)
         )
+
+
+def shear_angle(sine: Floats) -> tuple[Floats, Floats, Floats]:
+    """Compute the shear angle and its two derivatives by its sine.
+
+    Parameters
+    ----------
+    sine : ndarray of float64, shape (n,)
+        sin γ; beyond 88 degrees, and for values that no angle has, straight lines go on.
+
+    Returns
+    -------
+    tuple of 3 ndarray of float64, shape (n,)
+        Angle [rad], first and second derivative.
+    """
+    s = np.clip(sine, -_LARGEST_SINE, _LARGEST_SINE)
+    slope = 1.0 / np.sqrt(1.0 - s * s)
+    return np.arcsin(s) + slope * (sine - s), slope, np.where(s == sine, s * slope**3, 0.0)
+
+
+def shear_cosine(sine: Floats) -> tuple[Floats, Floats, Floats]:
+    """Compute the cosine of the shear angle and its two derivatives by the sine.
+
+    Parameters
+    ----------
+    sine : ndarray of float64, shape (n,)
+        sin γ; beyond 88 degrees, and for values that no angle has, straight lines go on.
+
+    Returns
+    -------
+    tuple of 3 ndarray of float64, shape (n,)
+        cos γ, first and second derivative.
+    """
+    s = np.clip(sine, -_LARGEST_SINE, _LARGEST_SINE)
+    cosine = np.sqrt(1.0 - s * s)
+    slope = -s / cosine
+    return cosine + slope * (sine - s), slope, np.where(s == sine, -1.0 / cosine**3, 0.0)

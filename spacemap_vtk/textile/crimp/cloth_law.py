@@ -40,7 +40,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw, StretchLaw, StretchResponse
+from spacemap_vtk.mechanics.elements.membrane_law import (
+    StretchLaw,
+    StretchResponse,
+    shear_angle,
+    shear_cosine,
+)
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.crimp.graded_spline import GradedKnots
 from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
@@ -62,8 +67,6 @@ _BISECTIONS = 40
 _JAM_TOE = 0.02
 #: Overlap of neighbours beyond which their stiffness grows no more, as a share of their width.
 _FIRM = 0.1
-#: Sine of the shear angle beyond which formulas of the angle are continued by straight lines.
-_LARGEST_SINE = np.sin(np.radians(88.0))
 
 
 class Locking(NamedTuple):
@@ -94,16 +97,33 @@ class YarnLaw(StretchLaw):
         self._shear = float(np.reshape(shear, 1)[0])
         self._locking = [Locking(*row) for row in np.reshape(locking, (2, 3)).tolist()]
 
+    def with_shear(self, stiffness: float) -> YarnLaw:
+        """Return the law with another shear stiffness G.
+
+        Parameters
+        ----------
+        stiffness : float
+            G: force per width over the angle [N/m].
+
+        Returns
+        -------
+        YarnLaw
+            The law itself if it has this stiffness.
+        """
+        if stiffness == self._shear:
+            return self
+        return YarnLaw(**{**self.arrays, "shear": np.array([stiffness])})
+
     def respond(self, first: Floats, second: Floats, sine: Floats) -> StretchResponse:
         """Compute the energy and its derivatives; axis 1 is the weft."""
         energy, (f2, f1), (h22, h11, h12) = self._table.evaluate(second, first)
-        angle, slope, bend = _angle(sine)
+        angle, slope, bend = shear_angle(sine)
         energy += 0.5 * self._shear * angle * angle
         f3 = self._shear * angle * slope
         h33 = self._shear * (slope * slope + angle * bend)
         zero = np.zeros_like(energy)
         forces, seconds = [f1, f2, f3], [h11, h22, h33, h12, zero, zero.copy()]
-        cosine, fall, drop = _cosine(sine)
+        cosine, fall, drop = shear_cosine(sine)
         # The warp's neighbours lie along axis 1.
         for axis, (lock, stretch) in enumerate(zip(self._locking, (first, second), strict=True)):
             share = lock.spacing / lock.width
@@ -126,7 +146,7 @@ class YarnLaw(StretchLaw):
         return StretchResponse(energy, np.stack(forces), np.stack(seconds))
 
 
-def cloth_law(cloth: Cloth, yarns: YarnMechanics) -> MembraneLaw:
+def cloth_law(cloth: Cloth, yarns: YarnMechanics) -> YarnLaw:
     """Compute the law of a cloth's membrane from its yarns.
 
     Parameters
@@ -138,7 +158,7 @@ def cloth_law(cloth: Cloth, yarns: YarnMechanics) -> MembraneLaw:
 
     Returns
     -------
-    MembraneLaw
+    YarnLaw
         Axis 1 is the weft, axis 2 the warp.
 
     Raises
@@ -272,18 +292,3 @@ def _energy_beyond_jams(crossings: Interchange, stretch: Floats, taut: float) ->
     )
     energy[where] += (taut * spring - force * x).sum(axis=0)
     return energy
-
-
-def _angle(sine: Floats) -> tuple[Floats, Floats, Floats]:
-    """Compute the angle and its two derivatives by its sine."""
-    s = np.clip(sine, -_LARGEST_SINE, _LARGEST_SINE)
-    slope = 1.0 / np.sqrt(1.0 - s * s)
-    return np.arcsin(s) + slope * (sine - s), slope, np.where(s == sine, s * slope**3, 0.0)
-
-
-def _cosine(sine: Floats) -> tuple[Floats, Floats, Floats]:
-    """Compute the cosine and its two derivatives by the sine."""
-    s = np.clip(sine, -_LARGEST_SINE, _LARGEST_SINE)
-    cosine = np.sqrt(1.0 - s * s)
-    slope = -s / cosine
-    return cosine + slope * (sine - s), slope, np.where(s == sine, -1.0 / cosine**3, 0.0)
