@@ -58,6 +58,7 @@ UNITS: dict[str, dict[str, float]] = {
         "mN.m": 1e-3,
         "uN.m": 1e-6,
         "µN.m": 1e-6,
+        "nN.m": 1e-9,
         "mN.cm": 1e-5,
         "mg.cm": _GF * 1e-5,
         "gf.cm": _GF * 1e-2,
@@ -75,7 +76,7 @@ UNITS: dict[str, dict[str, float]] = {
     },
     "N.m/kg": {"N.m/kg": 1.0, "N/tex": 1e6, "cN/tex": 1e4, "cN/dtex": 1e5, "gf/den": _GF * 9e6},
     "kg/m2": {"kg/m2": 1.0, "g/m2": 1e-3, "gsm": 1e-3, "oz/yd2": 0.028349523125 / 0.9144**2},
-    "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "kN": 1e3},
+    "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "nN": 1e-9, "kN": 1e3},
     "N/m3": {"N/m3": 1.0, "kN/m3": 1e3, "MN/m3": 1e6, "N/cm3": 1e6, "N/mm3": 1e9},
     "kg": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "oz": 28.349523125e-3, "lb": 0.45359237},
     "deg": {"deg": 1.0, "rad": _DEGREES},
@@ -186,14 +187,33 @@ def format_length(value: float) -> str:
 def format_quantity(value: float, unit: str, digits: int = 17) -> str:
     """Round a value and format it in the unit that leaves one to three digits before the point."""
     value = float(f"{value:.{digits}g}")
+    best, size = _fitting_unit(value, unit)
+    return f"{value / size:.6g} {best}".rstrip()
+
+
+def format_vector(
+    values: Iterable[float], unit: str, digits: int = 4, rounding: float = 0.0
+) -> str:
+    """Format a vector in the unit that suits its largest component; 0 up to the rounding error."""
+    numbers = list(values)
+    largest = max((abs(value) for value in numbers), default=0.0)
+    least = max(rounding, 1e-9 * largest)
+    best, size = _fitting_unit(largest if largest > least else 0.0, unit)
+    shown = [0.0 if abs(value) <= least else value / size for value in numbers]
+    return f"({', '.join(f'{value:.{digits}g}' for value in shown)}) {best}"
+
+
+def _fitting_unit(value: float, unit: str) -> tuple[str, float]:
+    """Return the unit that leaves one to three digits before the point, and its size."""
     scales = {
+        "N": ("nN", "µN", "mN", "N", "kN"),
         "m": ("nm", "µm", "mm", "m", "km"),
         "Pa": ("Pa", "kPa", "MPa", "GPa", "TPa"),
         "s": ("ns", "µs", "ms", "s"),
         "kg/m": ("dtex", "tex"),
         "1/m": ("/m", "/cm"),
         "N/m": ("N/m", "kN/m"),
-        "N.m": ("µN.m", "mN.m", "N.m"),
+        "N.m": ("nN.m", "µN.m", "mN.m", "N.m"),
         "N.m2": ("mN.mm2", "N.mm2", "N.m2"),
         "N.m/kg": ("cN/tex", "N/tex"),
         "kg/m2": ("g/m2", "kg/m2"),
@@ -202,4 +222,4 @@ def format_quantity(value: float, unit: str, digits: int = 17) -> str:
     for name in scales.get(unit, ()):
         if abs(value) >= UNITS[unit][name] * (1 if name != "mm" else 0.05):
             best, size = name, UNITS[unit][name]
-    return f"{value / size:.6g} {best}".rstrip()
+    return best, size

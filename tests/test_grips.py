@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.datasets.reactions import path_reactions_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.grips import Grip, held_by, make_grip
 from spacemap_vtk.mechanics.boundary.reactions import Reaction, find_bearings
@@ -18,6 +21,9 @@ from spacemap_vtk.mechanics.contact.path import states_on_path
 from spacemap_vtk.mechanics.contact.reactions import list_reactions
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.scenes.figure_list import cloth_figures
+from spacemap_vtk.scenes.report import report_fabric, report_modes
+from spacemap_vtk.scenes.scene import Scene
 
 FloatArray = NDArray[np.float64]
 #: Bending [N m] and stretch [N/m] of a sheet without Poisson's effect; its thickness [m].
@@ -135,3 +141,53 @@ def test_grip_along_a_direction_or_turning_with_free_components_is_refused() -> 
         make_grip(points, "+x:(1, 1, 0)")
     with pytest.raises(InputError, match="cannot turn"):
         make_grip(points, "+x:x", turns=[[0, 0, 0], [0, 0, 1]])
+
+
+SCENE = """
+[weave]
+ends = 4
+picks = 12
+[cage]
+divisions = [2, 12, 1]
+[modal]
+elements = "sheet"
+fixed = "-y"
+modes = 2
+path_steps = 4
+tensile_rigidity = "1 kN/m"
+bending_rigidity = "10 uN.m"
+areal_mass = "0.15 kg/m2"
+poissons_ratio_in_plane = 0
+[[modal.grips]]
+place = "+y"
+path = [[0, "0.1 mm", 0], [0, "0.2 mm", 0]]
+"""
+
+
+def test_modes_and_info_report_reactions_of_a_scene(tmp_path: Path) -> None:
+    """Force and moment of each body in SI; the modes are those of the gripped strip."""
+    (tmp_path / "strip.toml").write_text(SCENE, encoding="utf-8")
+    scene = Scene.read(tmp_path / "strip.toml")
+    for found in (report_fabric(scene), report_modes(scene)):
+        support, grip = found["reactions"]
+        assert (support["kind"], support["name"]) == ("support", "-y")
+        assert (grip["kind"], grip["name"]) == ("grip", "+y")
+        np.testing.assert_allclose(np.add(support["force"], grip["force"]), 0, atol=1e-9)
+    path = path_reactions_of(scene.modal.output)
+    assert path is not None
+    np.testing.assert_allclose(path.moves[:, 0, 1], np.linspace(0, 2e-4, 9), rtol=1e-12)
+    np.testing.assert_allclose(path.forces[-1, 1], grip["force"], rtol=1e-12)
+    held = vtk_to_numpy(scene.modal.output.GetPointData().GetArray("reaction"))
+    np.testing.assert_allclose(held.sum(axis=0), 0, atol=1e-9)
+    (row,) = (each for each in cloth_figures(report_fabric(scene)) if each.key == "reaction_1")
+    assert row.label == "reaction of grip +y"
+    assert row.value == pytest.approx(np.linalg.norm(grip["force"]))
+
+
+def test_two_that_hold_the_same_vertex_are_refused(tmp_path: Path) -> None:
+    text = SCENE.replace('fixed = "-y"', 'fixed = "-x"')
+    (tmp_path / "strip.toml").write_text(text, encoding="utf-8")
+    scene = Scene.read(tmp_path / "strip.toml")
+    with pytest.raises(InputError, match=r'grip "\+y" and a support hold the same') as caught:
+        scene.update_stage(scene.modal)
+    assert caught.value.key == "grips[0].place"

@@ -60,9 +60,10 @@ def modes(
     For each mode: its frequency, damping ratio and effective mass along x, y and z, in percent of
     the mass that can move; the columns Σ are cumulative. If Σ stays below 90 % along an axis with
     a load, raise modal.modes. For a hanging scene (modal.gravity), also the sag; for a sheet, its
-    shadow area and, on a disc (held by one sphere), Cusick's drape coefficient. ± is an estimated
-    error, due to the width of the cage's cells; a warning names figures that are not converged, and
-    a finer cage.
+    shadow area and, on a disc (held by one sphere), Cusick's drape coefficient. For a cage at rest
+    under loads or in grips, also force and moment of each support, grip and obstacle on it. ± is an
+    estimated error, due to the width of the cage's cells; a warning names figures that are not
+    converged, and a finer cage.
 
     For example:
 
@@ -75,6 +76,7 @@ def modes(
     from spacemap_vtk.scenes.figure_list import (
         contact_figures,
         equilibrium_figures,
+        reaction_figures,
         sheet_figures,
     )
 
@@ -118,6 +120,7 @@ def modes(
     more = (
         *sheet_figures(figures),
         *equilibrium_figures(figures["hung"]),
+        *reaction_figures(figures),
         *contact_figures(figures),
     )
     print_labelled((figure.label, figure.text) for figure in more)

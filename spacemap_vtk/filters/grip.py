@@ -175,6 +175,37 @@ def make_grips(
     return found
 
 
+def bearing_recipe(fixed: Sequence[str], grips: Sequence[Grip]) -> dict[str, Any]:
+    """Describe supports and grips as numbers and texts.
+
+    Parameters
+    ----------
+    fixed : sequence of str
+        Places of the supports.
+    grips : sequence of Grip
+        The grips.
+
+    Returns
+    -------
+    dict
+        For `read_bearings`.
+    """
+    nothing = (0.0, 0.0, 0.0)
+    return {
+        "supports": list(fixed),
+        "grips": [
+            {
+                "place": " ".join(grip.place),
+                "center": None if grip.center is None else list(grip.center),
+                "move": list((grip.path or [nothing])[-1]),
+                "turn": list((grip.turns or [nothing])[-1]),
+                "motion": grip.motion,
+            }
+            for grip in grips
+        ],
+    }
+
+
 def hold_with_grips(held: Bools, grips: Sequence[GripKernel]) -> Bools:
     """Add what grips hold to what supports hold.
 

@@ -33,11 +33,17 @@ from spacemap_vtk.datasets.modal_model import (
     add_terms,
     contact_of,
 )
+from spacemap_vtk.datasets.reactions import (
+    PathReactions,
+    add_bearings,
+    add_reactions,
+    remove_reactions,
+)
 from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN
-from spacemap_vtk.filters.grip import Grips, hold_with_grips, make_grips
+from spacemap_vtk.filters.grip import Grips, bearing_recipe, hold_with_grips, make_grips
 from spacemap_vtk.filters.law_parameters import LawParameters
 from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
@@ -146,6 +152,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         "density_factor": ProvidedArray("cell", "", {"density_factors": ()}),
         "nodal_mass": ProvidedArray("point", "kg"),
         "equilibrium": ProvidedArray("point", "m"),
+        "reaction": ProvidedArray("point", "N"),
         "eigenvalues": ProvidedArray("field", "1/s2"),
         "frequencies": ProvidedArray("field", "Hz"),
         "eigenvalue_rounding": ProvidedArray("field"),
@@ -295,7 +302,9 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         self.choose_modulus(vertices, elements, up_axis(grid))
         held, fittings, warnings = self.make_fittings(grid, vertices, elements)
-        grips = make_grips(self.grips, vertices, self.path_steps, self._lines, mask_reader(grid))
+        grips = make_grips(
+            self.grips, vertices, self.path_steps, self.path_lines, mask_reader(grid)
+        )
         held = hold_with_grips(held, grips)
         for text in warnings:
             self.warn(text)
@@ -317,6 +326,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         data = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*data, None, fittings, terms)
         anchors: Floats | None = None
+        task: RestTask | None = None
         found: RestState | None = None
         layers = layers if linear else 2 * layers
         if self.is_hung:
@@ -327,9 +337,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
                 self._undeformed = model
                 fixed = self.values_in_use["fixed"] if self.fixed is None else self.fixed
                 bearings = find_bearings(vertices, fixed, grips, mask_reader(grid))
-                found = self._equilibrium(
-                    RestTask(model, load, start, path, grips, bearings), layers
-                )
+                task = RestTask(model, load, start, path, grips, bearings)
+                found = self._equilibrium(task, layers)
                 rest, anchors = found.displacement, found.anchors
                 terms = rested_terms(terms, vertices + rest, anchors)
                 self._model = model = Model(*data, rest, fittings, terms)
@@ -345,6 +354,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         add_model(output, model, self.gravity)
         add_terms(output, recipes, anchors)
         add_contact(output, model)
+        self._add_reactions(output, task, found)
         self._check_obstacles(model, output, _mean_edge(grid) if sheet is None else sheet.cell)
         if model.plate is not None:
             add_sheet(output, data_sheet(model.plate, mass))
@@ -411,8 +421,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         return recipes
 
     @property
-    def _lines(self) -> int:
-        """Largest number of straight lines of a path of an obstacle or grip."""
+    def path_lines(self) -> int:
+        """Largest number of straight lines in the path of an obstacle or grip."""
         paths = [obstacle.path for obstacle in self.obstacles]
         paths += [path for grip in self.grips for path in (grip.path, grip.turns)]
         return max((len(path) for path in paths if path), default=0)
@@ -426,10 +436,10 @@ class ModalSolver(LawParameters, CageFittings, Stage):
             except SpacemapError as error:
                 error.key = "start"  # readers name their own parameter
                 raise
-        if not self._lines:
+        if not self.path_lines:
             return start, None
         corners = [obstacle.path or () for obstacle in self.obstacles]
-        path = divide_path([*corners, [(0.0, 0.0, 0.0)] * self._lines], self.path_steps)[:, :-1]
+        path = divide_path([*corners, [(0.0, 0.0, 0.0)] * self.path_lines], self.path_steps)[:, :-1]
         steps = np.linalg.norm(np.diff(path, axis=0), axis=2).max(axis=0)
         for number, (length, term) in enumerate(zip(steps, obstacles_of(model), strict=True)):
             if length > term.obstacle.depth:
@@ -509,7 +519,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
     @property
     def arrays(self) -> dict[str, ProvidedArray]:
         """The arrays that the next run adds, by name."""
-        return {k: v for k, v in super().arrays.items() if self.is_hung or k != "equilibrium"}
+        hung = ("equilibrium", "reaction")
+        return {k: v for k, v in super().arrays.items() if self.is_hung or k not in hung}
 
     def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> Floats:
         """Return the forces on the vertices under which the cage hangs [N], (3V,)."""
@@ -557,6 +568,32 @@ class ModalSolver(LawParameters, CageFittings, Stage):
                 "it can fold to either of two sides, rounding chooses one"
             )
         return found
+
+    def _add_reactions(
+        self, output: vtkUnstructuredGrid, task: RestTask | None, found: RestState | None
+    ) -> None:
+        """Write what holds the cage, and its reactions at rest and along the path."""
+        fixed = self.values_in_use["fixed"] if self.fixed is None else self.fixed
+        add_bearings(output, bearing_recipe(fixed, self.grips))
+        if task is None or found is None:
+            remove_reactions(output)
+            return
+        reactions = found.last_reactions(task)
+        shapes = iter(obstacle.shape for obstacle in self.obstacles)
+        named = [
+            each._replace(name=next(shapes)) if each.kind == "obstacle" else each
+            for each in reactions
+        ]
+        path = None
+        if len(table := found.reactions):
+            steps = [
+                np.stack([getattr(grip, key) for grip in task.grips], axis=1)
+                if task.grips
+                else np.empty((len(table), 0, 3))
+                for key in ("moves", "turns")
+            ]
+            path = PathReactions(table[..., :3], table[..., 3:6], *steps)
+        add_reactions(output, found.holding, named, path)
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # This imports scipy's solvers, which results from disk do not need.

@@ -13,7 +13,7 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.scenes.report import describe_motion
 from spacemap_vtk.textile.weave.cloth import FAMILIES
-from spacemap_vtk.units import UNITS, format_quantity, format_with_error
+from spacemap_vtk.units import UNITS, format_quantity, format_vector, format_with_error
 
 #: Text for a figure that is not available; a warning explains why.
 UNKNOWN = "–"
@@ -145,7 +145,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     ]
     if swing := figures.get("motion"):
         found.append(Figure("motion", "motion", describe_motion(swing)))
-    return [*found, *contact_figures(figures)]
+    return [*found, *reaction_figures(figures), *contact_figures(figures)]
 
 
 def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
@@ -244,6 +244,21 @@ def _format_share(share: float, error: float | None) -> str:
     return f"{share:.1%}" if error is None else f"{share:.1%} ± {error:.1%}"
 
 
+def reaction_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return the figures of what holds a cage at rest, from those of `report`."""
+    found = []
+    for number, each in enumerate(figures.get("reactions", [])):
+        size = math.hypot(*each["force"])
+        force = format_vector(each["force"], "N")
+        # An arm of a nanometre is rounding.
+        moment = format_vector(each["moment"], "N.m", rounding=1e-9 * size)
+        point = format_vector(each["point"], "m", rounding=1e-9)
+        name = f"{each['kind']} {each['name']}".strip()
+        text = f"{force}, moment {moment} about {point}"
+        found.append(Figure(f"reaction_{number}", f"reaction of {name}", text, size, "N"))
+    return found
+
+
 def contact_figures(figures: dict[str, Any]) -> list[Figure]:
     """Return the figures of a cage's contact with each obstacle, and of the path to it."""
     found = []
@@ -266,9 +281,13 @@ def contact_figures(figures: dict[str, Any]) -> list[Figure]:
         found.append(Figure("contact_path", "friction", text, sticking))
     if path is not None:
         text = f"from {path['start'] or 'the undeformed cage'}"
-        if moved := ", ".join(map(str, path["moved"])):
-            plural = "s" * (len(path["moved"]) > 1)
-            text += f", with obstacle{plural} {moved} moved through {path['states']} states"
+        bodies = []
+        for noun, numbers in (("obstacle", path["moved"]), ("grip", path["moved_grips"])):
+            if numbers:
+                plural = "s" * (len(numbers) > 1)
+                bodies.append(f"{noun}{plural} {', '.join(map(str, numbers))}")
+        if bodies:
+            text += f", with {' and '.join(bodies)} moved through {path['states']} states"
         found.append(Figure("path", "path", text, path["states"]))
     return found
 

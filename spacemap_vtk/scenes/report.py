@@ -12,6 +12,7 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.applicability import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
+from spacemap_vtk.datasets.reactions import reactions_of
 from spacemap_vtk.errors import (
     GeometryError,
     InputError,
@@ -177,6 +178,7 @@ def _report_state(solver: ModalSolver, model: Model) -> dict[str, Any]:
     return {
         "hung": _report_equilibrium(solver, model),
         "contact": report_obstacles(solver.output),
+        "reactions": report_reactions(solver.output),
     }
 
 
@@ -206,15 +208,29 @@ def report_obstacles(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
     ]
 
 
+def report_reactions(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
+    """Return force [N] and moment [N m] on a cage at rest of each body that holds it."""
+    return [
+        {
+            "kind": found.kind,
+            "name": found.name,
+            "force": found.force.tolist(),
+            "moment": found.moment.tolist(),
+            "point": found.about.tolist(),
+        }
+        for found in reactions_of(grid)
+    ]
+
+
 def report_path(solver: ModalSolver) -> dict[str, Any] | None:
-    """Return how the equilibrium on obstacles was reached; None if there is none."""
-    if not solver.is_hung or not (solver.obstacles or solver.start):
+    """Return how the equilibrium on obstacles and in grips was reached; None without these."""
+    if not solver.is_hung or not (solver.obstacles or solver.grips or solver.start):
         return None
-    lines = max((len(obstacle.path or ()) for obstacle in solver.obstacles), default=0)
     return {
         "start": None if solver.start is None else solver.start.name,
         "moved": [n for n, obstacle in enumerate(solver.obstacles) if obstacle.path],
-        "states": 1 + lines * solver.path_steps,
+        "moved_grips": [n for n, grip in enumerate(solver.grips) if grip.path or grip.turns],
+        "states": 1 + solver.path_lines * solver.path_steps,
     }
 
 
@@ -360,8 +376,10 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
             figures |= report_sheet(solver.sheet_figures(made.output))
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
-                if solver.obstacles:
+                if solver.is_hung:
                     scene.update_stage(solver)
+                    figures["reactions"] = report_reactions(solver.output)
+                if solver.obstacles or solver.grips:
                     figures["contact"] = report_obstacles(solver.output)
                     figures["path"] = report_path(solver)
     for _ in add_clearance(scene, figures):
