@@ -200,17 +200,17 @@ LIMITS: dict[str, Limit] = {
     ),
     "law": Limit(
         stage="modal",
-        model="the linear law of a woven sheet",
+        model="linear stretch of woven cloth",
         assumes="yarns that keep their crimp",
         quantity="largest strain along warp or weft over the least crimp of the yarns",
         found="the sheet is stretched or compressed by {} of the crimp of its yarns",
         most=0.1,
         unit="%",
         basis="second derivative of the energy of crimp interchange against the energy itself: "
-        "the force of a free strip is 13 % too low at a tenth of the crimp, 60 % at a third "
+        "the force of a free strip is about 11 % too low at a tenth of the crimp, 38 % at a third "
         "(`tests/test_applicability.py`)",
         beyond="cloth stiffens as its yarns straighten, and does not resist compression like this",
-        cure='set modal.law = "yarns", or lower the loads',
+        cure='set modal.law = "yarns", with [transient] if the cloth moves, or lower the loads',
     ),
     "no_slip": Limit(
         stage="modal",

@@ -149,7 +149,7 @@ class ModalResponse(LoadParameters, Stage):
             check_inversion(self, model.points, at, model.cells, model.pencil.surface)
             check_folds(self, grid, model.points, at, model.pencil.surface)
         strain, stress = modes.strain_and_stress(moved, gradients)
-        check_strains(self, grid, strain, model.pencil.surface)
+        check_strains(self, grid, strain, model, linear=True)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
         coordinates = state.position[: len(modes.eigenvalues)].copy()

@@ -350,7 +350,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
             surface = model.pencil.surface
             check_folds(self, grid, vertices, vertices + model.displacement, surface)
             strain, _ = model.strain_and_stress(np.zeros_like(vertices))
-            check_strains(self, output, strain, surface)
+            check_strains(self, output, strain, model)
         add_model(output, model, self.gravity)
         add_terms(output, recipes, anchors)
         add_contact(output, model)
@@ -685,7 +685,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         self.check_limit("rounding", worst, beyond=beyond)
 
     def _check_law(self, grid: vtkUnstructuredGrid, output: vtkUnstructuredGrid) -> None:
-        """State what cloth from its yarns assumes; keep the crimp up to which its law is linear."""
+        """State what cloth from its yarns assumes; store the crimp that limits a linear law."""
         output.GetFieldData().RemoveArray(LAW_CRIMP)
         if self.material != WOVEN:
             return

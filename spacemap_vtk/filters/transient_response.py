@@ -160,7 +160,7 @@ class TransientResponse(LoadParameters, Stage):
         check_folds(self, grid, model.points, at, surface)
         moved = displacement - motion.rest - motion.base_motion(time)[0]
         strain, stress = model.strain_and_stress(moved, large=True)
-        check_strains(self, grid, strain, surface)
+        check_strains(self, grid, strain, model)
         if self.stress:
             add_stress(output, strain, stress)
         if self.energy:
