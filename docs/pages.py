@@ -10,6 +10,7 @@ from pathlib import Path
 import check_docstrings
 
 from spacemap_vtk import FILTERS
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.cli.main import app
 from spacemap_vtk.cli.reports import format_default
 from spacemap_vtk.draw import thumbnails
@@ -23,6 +24,7 @@ _KERNELS = {
     "cage": "Cage",
     "mechanics": "Mechanics",
     "embedding": "Embedding",
+    "laboratory": "Laboratory",
 }
 
 
@@ -33,6 +35,7 @@ def write(folder: Path) -> None:
         "parameters": parameters(),
         "commands": commands(),
         "formats": formats(),
+        "applicability": applicability(),
         "stages": stages(),
         "kernels": kernels(),
         "gallery": gallery(folder),
@@ -72,6 +75,29 @@ def commands() -> Iterator[str]:
     _, begin, rest = text.partition("## spacemap render")
     yield "# Every command\n\nThe text of `--help`.\n"
     yield re.sub(r"^```console$", "```text", begin + rest, flags=re.M)
+
+
+def applicability() -> Iterator[str]:
+    """Yield the ranges in which the models of each stage are valid."""
+    yield "# What each model can do\n"
+    yield "Every model has a range. Stages measure where in it a scene is, and warn if it is"
+    yield "beyond. `spacemap info` lists values and limits (in JSON `applicability`).\n"
+    for section, owner in section_classes().items():
+        limits = [limit for limit in LIMITS.values() if limit.stage == section]
+        if not limits:
+            continue
+        yield f"## [{section}]\n\n{(owner.__doc__ or '').strip().splitlines()[0]}\n"
+        for limit in limits:
+            yield f"### {limit.model[:1].upper()}{limit.model[1:]}\n"
+            yield f"Assumes {limit.assumes}.\n"
+            if limit.quantity:
+                yield f"- **Valid while:** {limit.quantity}: at most {limit.format(limit.most)}."
+                yield f"- **Limit from:** {limit.basis}."
+                yield f"- **Beyond it:** {limit.beyond}."
+            else:
+                yield f"- **Source:** {limit.basis}."
+                yield f"- **Therefore:** {limit.beyond}."
+            yield f"- **Cure:** {limit.cure}.\n"
 
 
 def formats() -> Iterator[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from spacemap_vtk.errors import InputError
 
@@ -58,6 +58,7 @@ UNITS: dict[str, dict[str, float]] = {
         "mN.m": 1e-3,
         "uN.m": 1e-6,
         "µN.m": 1e-6,
+        "nN.m": 1e-9,
         "mN.cm": 1e-5,
         "mg.cm": _GF * 1e-5,
         "gf.cm": _GF * 1e-2,
@@ -75,7 +76,7 @@ UNITS: dict[str, dict[str, float]] = {
     },
     "N.m/kg": {"N.m/kg": 1.0, "N/tex": 1e6, "cN/tex": 1e4, "cN/dtex": 1e5, "gf/den": _GF * 9e6},
     "kg/m2": {"kg/m2": 1.0, "g/m2": 1e-3, "gsm": 1e-3, "oz/yd2": 0.028349523125 / 0.9144**2},
-    "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "kN": 1e3},
+    "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "nN": 1e-9, "kN": 1e3},
     "N/m3": {"N/m3": 1.0, "kN/m3": 1e3, "MN/m3": 1e6, "N/cm3": 1e6, "N/mm3": 1e9},
     "kg": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "oz": 28.349523125e-3, "lb": 0.45359237},
     "deg": {"deg": 1.0, "rad": _DEGREES},
@@ -147,6 +148,37 @@ def align_decimals(values: Iterable[float], digits: int = 4) -> list[str]:
     return [f"{number:.{decimals}f}" for number in numbers]
 
 
+def format_errors(texts: Sequence[str], errors: Sequence[float | None]) -> list[str]:
+    """Add errors to numbers that `align_decimals` has formatted, rounded up to their decimals."""
+    decimals = [len(text.partition(".")[2]) for text in texts]
+    scaled = [
+        None if error is None else f"{math.ceil(error * 10**count - 1e-6) / 10**count:.{count}f}"
+        for error, count in zip(errors, decimals, strict=True)
+    ]
+    width = max((len(error) for error in scaled if error is not None), default=0)
+    return [
+        text if error is None and not width else f"{text} ± {error or '–':>{width}}"
+        for text, error in zip(texts, scaled, strict=True)
+    ]
+
+
+def format_with_error(value: float, error: float | None, unit: str, digits: int = 4) -> str:
+    """Format a value in a suitable unit, and its error in the same unit, rounded up.
+
+    The value has no digits below the second digit of the error.
+    """
+    text = format_quantity(value, unit, digits)
+    if error is None:
+        return text
+    name = text.partition(" ")[2]
+    size = UNITS[unit][name] if name else 1.0
+    value, error = value / size, error / size
+    most = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
+    decimals = max(min(1 - math.floor(math.log10(error)) if error else most, most), 0)
+    error = math.ceil(error * 10**decimals - 1e-6) / 10**decimals
+    return f"{value:.{decimals}f} ± {error:.{decimals}f} {name}".rstrip()
+
+
 def format_length(value: float) -> str:
     """Format a length given in m."""
     return format_quantity(value, "m")
@@ -155,14 +187,33 @@ def format_length(value: float) -> str:
 def format_quantity(value: float, unit: str, digits: int = 17) -> str:
     """Round a value and format it in the unit that leaves one to three digits before the point."""
     value = float(f"{value:.{digits}g}")
+    best, size = _fitting_unit(value, unit)
+    return f"{value / size:.6g} {best}".rstrip()
+
+
+def format_vector(
+    values: Iterable[float], unit: str, digits: int = 4, rounding: float = 0.0
+) -> str:
+    """Format a vector in the unit that suits its largest component; 0 up to the rounding error."""
+    numbers = list(values)
+    largest = max((abs(value) for value in numbers), default=0.0)
+    least = max(rounding, 1e-9 * largest)
+    best, size = _fitting_unit(largest if largest > least else 0.0, unit)
+    shown = [0.0 if abs(value) <= least else value / size for value in numbers]
+    return f"({', '.join(f'{value:.{digits}g}' for value in shown)}) {best}"
+
+
+def _fitting_unit(value: float, unit: str) -> tuple[str, float]:
+    """Return the unit that leaves one to three digits before the point, and its size."""
     scales = {
+        "N": ("nN", "µN", "mN", "N", "kN"),
         "m": ("nm", "µm", "mm", "m", "km"),
         "Pa": ("Pa", "kPa", "MPa", "GPa", "TPa"),
         "s": ("ns", "µs", "ms", "s"),
         "kg/m": ("dtex", "tex"),
         "1/m": ("/m", "/cm"),
         "N/m": ("N/m", "kN/m"),
-        "N.m": ("µN.m", "mN.m", "N.m"),
+        "N.m": ("nN.m", "µN.m", "mN.m", "N.m"),
         "N.m2": ("mN.mm2", "N.mm2", "N.m2"),
         "N.m/kg": ("cN/tex", "N/tex"),
         "kg/m2": ("g/m2", "kg/m2"),
@@ -171,4 +222,4 @@ def format_quantity(value: float, unit: str, digits: int = 17) -> str:
     for name in scales.get(unit, ()):
         if abs(value) >= UNITS[unit][name] * (1 if name != "mm" else 0.05):
             best, size = name, UNITS[unit][name]
-    return f"{value / size:.6g} {best}".rstrip()
+    return best, size

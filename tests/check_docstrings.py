@@ -36,10 +36,16 @@ IGNORED = {
 
 HERE = Path(spacemap_vtk.__file__).parent
 SCRIPTS = Path(__file__).parent.parent / "pipelines"
-SCIENCE = {"textile", "cage", "mechanics", "embedding"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory"}
 #: Modules whose public names are all for users or authors of stages.
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
-USERS |= {"filters.base", "filters.load", "filters.obstacle", "filters.obstacle_surfaces"}
+USERS |= {
+    "filters.base",
+    "filters.grip",
+    "filters.load",
+    "filters.obstacle",
+    "filters.obstacle_surfaces",
+}
 USERS |= {"filters.textile"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
 #: Modules and names of optional parts, which are imported by name.

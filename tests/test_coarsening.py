@@ -1,4 +1,4 @@
-"""The same sheet in cells twice as wide, and what a drape coefficient says of its cells."""
+"""The same sheet in cells twice as wide."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
 from spacemap_vtk.mechanics.modal.coarsening import coarsen
 from spacemap_vtk.mechanics.modal.model import Model
-from spacemap_vtk.scenes import report
-from spacemap_vtk.scenes.scene import Scene
 
 
 def sheet(normal: int, cells: tuple[int, int], **more: Fittings) -> Model:
@@ -50,21 +48,3 @@ def test_meshes_without_wider_cells_are_not_coarsened():
     assert coarsen(Model(points, cells, isotropic(1e6, 0.3), 300.0, held)) is None
     heavy = Fittings(masses=np.ones(len(sheet(2, (8, 8)).points)))
     assert coarsen(sheet(2, (8, 8), fittings=heavy)) is None
-
-
-def test_drape_coefficient_reports_its_dependence_on_cells():
-    """Its error is what it differs by from that of the scene in cells twice as wide."""
-    found = []
-    for divide in (1, 2):
-        scene = Scene.read("drape")
-        scene.set(f"cage.divisions=[{10 // divide}, {12 // divide}, 1]")
-        scene.set("modal.modes=2")
-        hung = report.report_modes(scene)["hung"]
-        found.append(hung["drape_coefficient"])
-        if divide == 1:
-            error = hung["drape_coefficient_error"]
-            (warning,) = (t for t in scene.warnings if t.startswith("the drape coefficient"))
-    # Folds are unstable: solved twice, they differ by rounding that has grown to thousandths.
-    assert error == pytest.approx(abs(found[0] - found[1]), abs=0.005)
-    assert error > 0.1 * found[0]
-    assert f"{found[0]:.1%} changes by {error:.1%} with cells twice as wide" in warning

@@ -467,7 +467,7 @@ time = "step"
         (tmp_path / "table.toml").write_text(text.format(pull), encoding="utf-8")
         scene = Scene.read(tmp_path / "table.toml")
         scene.update(10.0)
-        assert any("lift the cage off obstacle 0" in text for text in scene.warnings) == lifts
+        assert any("lifts off obstacle 0" in text for text in scene.warnings) == lifts
 
 
 def test_dropped_cloth_falls_from_the_state_in_the_file(tmp_path: Path) -> None:

@@ -29,12 +29,13 @@ LAYERS = (
     ("filters",),
     ("io",),
     ("datasets",),
+    ("laboratory",),
     ("textile", "cage", "mechanics", "embedding"),
     # All other modules at the top level.
     ("errors",),
 )
 #: What opens no window and reads no file: arrays go in and come out.
-SCIENCE = {"textile", "cage", "mechanics", "embedding"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory"}
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",

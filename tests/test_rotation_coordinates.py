@@ -23,9 +23,9 @@ from spacemap_vtk import (
     TetraCage,
     connect,
 )
+from spacemap_vtk.applicability import TRUSTED_ROTATION
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
-from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import homogeneous_plate
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
@@ -169,13 +169,13 @@ def length(mesh: Any, field: str) -> float:
 
 
 def test_too_large_rotation_warns_once_for_many_frames() -> None:
-    """The text names no angle of a time: each frame of a film had its own warning."""
+    """The angle differs from frame to frame, the limit does not."""
     swing = Swing()
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", SpacemapWarning)
         for frame in range(5):
             swing.rotation.update(0.35 + 0.02 * frame)
-    assert sum("than 35 degrees" in str(w.message) for w in found) == 1
+    assert sum("valid up to 35°" in str(w.message) for w in found) == 1
 
 
 @pytest.mark.filterwarnings("ignore::spacemap_vtk.SpacemapWarning")
@@ -243,7 +243,7 @@ def test_rebuilt_strip_is_within_5_percent_up_to_the_trusted_angle(
 
 def test_rotation_beyond_the_trusted_angle_is_reported() -> None:
     swing = Swing(elements="sheet", youngs_modulus=1e8)
-    beyond = r"turns by more than 35 degrees.*\[transient\].*hang"
+    beyond = r"turns by up to 40°.*valid up to 35°.*\[transient\].*hang"
     swing.response.gravity = (0, 0, -9.80665)
     swing.rotation.update(100.0)
     turned = (
@@ -254,9 +254,9 @@ def test_rotation_beyond_the_trusted_angle_is_reported() -> None:
     )
     for degrees, stage, expected in (
         (30, swing.rotation, None),
-        (30, swing.response, r"turns by more than 20 degrees.*RotationStrain"),
+        (30, swing.response, r"turns by up to 30°.*valid up to 20°.*RotationStrain"),
         (40, swing.rotation, beyond),
-        (40, swing.response, r"turns by more than 35 degrees.*\[transient\]"),
+        (40, swing.response, r"turns by up to 40°.*\[transient\]"),
     ):
         swing.response.gravity = (0, 0, -9.80665 * degrees * turned)
         with warnings.catch_warnings(record=True) as found:
@@ -284,8 +284,8 @@ def test_only_the_unrebuilt_motion_warns_of_rotation() -> None:
     swing = Swing()
     with pytest.warns(SpacemapWarning) as caught:
         swing.rotation.update(0.4)
-    assert not [w for w in caught if "linear m" in str(w.message)]
-    with pytest.warns(SpacemapWarning, match="turns by .*linear motion is not reliable"):
+    assert not [w for w in caught if "but a linear motion" in str(w.message)]
+    with pytest.warns(SpacemapWarning, match="turns by .*a linear motion is valid up to 20°"):
         swing.response.update(0.41)
 
 

@@ -399,6 +399,7 @@ def test_every_numeric_array_has_a_colouring() -> None:
     }
     # What is not: colours as they are, what is of single vertices, what BarycentricWarp uses up.
     of_vertices = {"fixed", "fixed_components", "rigid_body", "spring_stiffness", "point_mass"}
+    of_vertices |= {"reaction"}
     others = {"color", "nodal_mass", *of_vertices, crimp_interchange.FOOT, crimp_interchange.OFFSET}
     assert arrays - others == {coloring.array for coloring in COLORINGS.values()} - {""}
 

@@ -76,6 +76,10 @@ COMMANDS = {
     "convert": ("draw:convert", "Convert a weaver's draft to another format."),
     "again": ("remake:remake", "Repeat the command that made a file."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
+    "measure": (
+        "measure:measure",
+        "Measure a cloth as the instruments of a textile laboratory do.",
+    ),
     "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
     "info": (
         "reports:info",

@@ -29,7 +29,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import describe_writers
 from spacemap_vtk.jobs import BiaxialJob, PlotJob, ShapesJob
 from spacemap_vtk.jobs.job import Job
-from spacemap_vtk.units import align_decimals, format_quantity, parse_quantity
+from spacemap_vtk.units import align_decimals, format_errors, format_quantity, parse_quantity
 
 
 def modes(
@@ -42,6 +42,15 @@ def modes(
             help=f"Also draw the first mode shapes, into a file: {describe_writers('picture')}."
         ),
     ] = None,
+    errors: Annotated[
+        bool | None,
+        Parameter(
+            help="Whether to estimate the error of each figure that is due to the cage's cells, by "
+            "a second solution in cells twice as wide. Default: yes, unless that cage takes long "
+            "to make (tetwild).",
+            show_default=False,
+        ),
+    ] = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
@@ -51,7 +60,10 @@ def modes(
     For each mode: its frequency, damping ratio and effective mass along x, y and z, in percent of
     the mass that can move; the columns Σ are cumulative. If Σ stays below 90 % along an axis with
     a load, raise modal.modes. For a hanging scene (modal.gravity), also the sag; for a sheet, its
-    shadow area and, on a disc (held by one sphere), Cusick's drape coefficient.
+    shadow area and, on a disc (held by one sphere), Cusick's drape coefficient. For a cage at rest
+    under loads or in grips, also force and moment of each support, grip and obstacle on it. ± is an
+    estimated error, due to the width of the cage's cells; a warning names figures that are not
+    converged, and a finer cage.
 
     For example:
 
@@ -64,11 +76,12 @@ def modes(
     from spacemap_vtk.scenes.figure_list import (
         contact_figures,
         equilibrium_figures,
+        reaction_figures,
         sheet_figures,
     )
 
     with progress(chosen, "Solving", quiet):
-        figures = report.report_modes(chosen)
+        figures = report.report_modes(chosen, errors)
     if sheet is not None:
         with progress(chosen, "Drawing shapes", quiet) as report_progress:
             sheet.run(chosen, report_progress)
@@ -77,7 +90,7 @@ def modes(
         return
     touches = bool(figures["contact"])
     table = number_table(
-        ("mode", "f [Hz]", "damping", "regime", "x", "Σx", "y", "Σy", "z", "Σz")
+        ("mode", "f [Hz]", "damping", *["regime"] * (not touches), "x", "Σx", "y", "Σy", "z", "Σz")
         + ("opens",) * touches,
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
@@ -85,7 +98,13 @@ def modes(
         + "\nopens: largest displacement at which contact with an obstacle opens" * touches,
         min_width=72,  # width of the caption
     )
-    frequencies = align_decimals(mode["frequency_hz"] for mode in figures["modes"])
+    frequencies = format_errors(
+        align_decimals(mode["frequency_hz"] for mode in figures["modes"]),
+        [
+            None if mode["error"] is None else mode["error"] * mode["frequency_hz"]
+            for mode in figures["modes"]
+        ],
+    )
     for number, (mode, frequency) in enumerate(zip(figures["modes"], frequencies, strict=True), 1):
         ratio = mode["damping_ratio"]
         shares = zip(mode["effective_mass_share"], mode["cumulative_mass_share"], strict=True)
@@ -93,7 +112,7 @@ def modes(
             str(number),
             frequency,
             "–" if not math.isfinite(ratio) else f"{ratio:.3g}",
-            mode["regime"],
+            *[mode["regime"]] * (not touches),  # a table with contact would be too wide
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
             *[_format_opening(mode["opening_amplitude"])] * touches,
         )
@@ -101,9 +120,12 @@ def modes(
     more = (
         *sheet_figures(figures),
         *equilibrium_figures(figures["hung"]),
+        *reaction_figures(figures),
         *contact_figures(figures),
     )
     print_labelled((figure.label, figure.text) for figure in more)
+    if errors is not False and figures["errors_missing"]:
+        print_labelled([("errors", f"not estimated: {figures['errors_missing']}")])
     print_warnings(chosen, quiet)
 
 

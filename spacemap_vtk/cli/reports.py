@@ -95,7 +95,25 @@ def info(
         table.add_row(warp.label, warp.text, weft.text)
     print_plain(table)
     print_labelled((figure.label, figure.text) for figure in figure_list.cloth_figures(figures))
+    _print_valid_ranges(chosen, figures.get("motion"))
     print_warnings(chosen, quiet)
+
+
+def _print_valid_ranges(scene: Scene, motion: dict[str, Any] | None) -> None:
+    """Print where the models of the scene are valid, and the values that were found."""
+    from rich.table import Table
+
+    from spacemap_vtk.scenes.valid_ranges import collect_findings, describe_finding
+
+    findings = collect_findings(scene, motion)
+    if not findings:
+        return
+    table = Table(title="Models are valid up to", show_header=False)
+    for justify in ("left", "right", "right"):
+        table.add_column(justify=justify)
+    for finding in findings:
+        table.add_row(*describe_finding(finding))
+    print_plain(table)
 
 
 def _print_object(scene: Scene, json: bool, quiet: bool) -> None:

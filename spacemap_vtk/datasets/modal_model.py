@@ -14,11 +14,14 @@ from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, point
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact
 from spacemap_vtk.mechanics.contact.resting import report_contact, rested_terms
+from spacemap_vtk.mechanics.elements.curve_law import CurveLaw
+from spacemap_vtk.mechanics.elements.membrane_law import LinearLaw, MembraneLaw
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, make_term
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.crimp.cloth_law import YarnLaw
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
@@ -31,6 +34,11 @@ _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickne
 
 #: Name of the field array that is 1 if a sheet's stiffness follows its local thickness.
 _LOCAL = "local_thickness"
+
+#: Names of the field arrays of a sheet's law: its kind, and the prefix of its own arrays.
+_LAW, _LAW_ARRAY = "membrane_law", "membrane_law_{}"
+#: Laws that can be read again, by kind.
+_LAWS = {law.kind: law for law in (LinearLaw, YarnLaw, CurveLaw)}
 
 #: Name of the field array of the gravity in the equilibrium, or after the cage's release [m/s²].
 GRAVITY_IN_FORCE = "equilibrium_gravity"
@@ -94,12 +102,46 @@ def add_model(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float])
     field.RemoveArray(_LOCAL)
     if model.plate is not None:
         add_array(field, _LOCAL, np.array([model.plate.follows_thickness], dtype=np.uint8))
+    _add_law(grid, None if model.plate is None else model.plate.law)
     add_array(field, "density", np.array([model.density]))
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
     if model.displacement is not None:
         add_array(data, "equilibrium", model.displacement)
     if model.displacement is not None or any(gravity):
         add_array(field, GRAVITY_IN_FORCE, np.array(gravity, dtype=np.float64))
+
+
+def _add_law(grid: vtkUnstructuredGrid, law: MembraneLaw | None) -> None:
+    """Write the law of a sheet's membrane into field arrays, in place of an earlier one."""
+    field, prefix = grid.GetFieldData(), _LAW_ARRAY.format("")
+    names = [field.GetArrayName(k) or "" for k in range(field.GetNumberOfArrays())]
+    for name in names:
+        if name == _LAW or name.startswith(prefix):
+            field.RemoveArray(name)
+    if law is None:
+        return
+    kind = vtkStringArray()
+    kind.SetName(_LAW)
+    kind.InsertNextValue(law.kind)
+    field.AddArray(kind)
+    for name, values in law.arrays.items():
+        # VTK's arrays have at most two dimensions.
+        add_array(field, _LAW_ARRAY.format(name), np.atleast_1d(values))
+
+
+def _law_of(grid: vtkUnstructuredGrid) -> MembraneLaw | None:
+    """Return the law of a sheet's membrane; None if it is linear."""
+    field, prefix = grid.GetFieldData(), _LAW_ARRAY.format("")
+    kind = field.GetAbstractArray(_LAW)
+    if kind is None:
+        return None
+    names = [field.GetArrayName(k) or "" for k in range(field.GetNumberOfArrays())]
+    arrays = {
+        name.removeprefix(prefix): array_of(field, name, _OWNER)
+        for name in names
+        if name.startswith(prefix)
+    }
+    return _LAWS[kind.GetValue(0)](**arrays)
 
 
 def add_terms(
@@ -221,6 +263,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
             shear.reshape(2, 2),
             float(thickness[0]),
             bool(array_of(field, _LOCAL, _OWNER)[0]),
+            _law_of(grid),
         )
     fitted = {
         key: array_of(table, name, _OWNER)

@@ -34,6 +34,7 @@ from vtkmodules.vtkCommonExecutionModel import (
 )
 
 from spacemap_vtk import cancel
+from spacemap_vtk.applicability import LIMITS, Finding, LimitWarning, key_of_warning
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.datasets.extent import mark_owner
 from spacemap_vtk.datasets.processes import WHOLE, PeerError, Piece, Processes, is_first, world_size
@@ -95,6 +96,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     _executions: int
     _warnings: list[str]
     _issued: set[str]
+    _findings: dict[str, Finding]
     _vtk_messages: list[str]
     _error: BaseException | None
     #: Identifier of the thread that is updating this stage.
@@ -114,6 +116,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         self._executions = 0
         self._warnings = []
         self._issued = set()
+        self._findings = {}
         self._error = None
         self._vtk_messages = []
         # VTK would print these errors; `update` raises them. The observer refers to the list only.
@@ -143,6 +146,11 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def warnings(self) -> tuple[str, ...]:
         """The last run's doubts about its result."""
         return tuple(self._warnings)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What the last run found of the ranges in which its models are valid."""
+        return tuple(self._findings.values())
 
     @property
     def replicated(self) -> bool:
@@ -236,6 +244,22 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
         """
         self._warnings.append(text)
 
+    def check_limit(self, key: str, value: float | None = None, **words: str) -> None:
+        """Record the value of a limit's quantity; warn if it exceeds the limit. Call it from `run`.
+
+        Parameters
+        ----------
+        key : str
+            Name of an entry of `spacemap_vtk.applicability.LIMITS`.
+        value : float, optional
+            Value of its quantity, in SI; None if it is not known.
+        **words : str
+            What the warning says instead of the entry's ``found``, ``beyond`` and ``cure``.
+        """
+        finding = self._findings[key] = Finding(key, value)
+        if value is not None and finding.is_valid is False:
+            self.warn(LimitWarning(LIMITS[key].warning(value, **words), key, value))
+
     def FillInputPortInformation(self, port: int, info: vtkInformation) -> int:
         """Declare what an input port accepts, including composite data if VTK would fail on it."""
         kind = vtkAlgorithm.INPUT_REQUIRED_DATA_TYPE()
@@ -305,6 +329,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def _request_data(self, in_info: Inputs, out_info: vtkInformationVector) -> None:
         self._error = None
         self._warnings.clear()
+        self._findings.clear()
         self._executions += 1
         changed = self.GetMTime()
         info = out_info.GetInformationObject(0)
@@ -346,10 +371,11 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
     def _issue_warnings(self) -> None:
         """Issue each new warning once; an animation would repeat it with every frame."""
         for text in self._warnings:
-            if text not in self._issued:
+            key = key_of_warning(text)
+            if not {key, str(text)} & self._issued:
                 if self._processes is None or is_first():
                     self._issue_warning(text)
-                self._issued.add(text)
+                self._issued |= {key, str(text)}
 
     def _issue_warning(self, text: str) -> None:
         """Issue a warning while the user's call is still on the stack. It may be raised."""
@@ -426,6 +452,7 @@ class Algorithm(Parameterised, VTKPythonAlgorithmBase):
 
     def _parameter_changed(self) -> None:
         self._unused_warnings = None
+        self._issued -= LIMITS.keys()  # other values are worth another warning
         self.Modified()
 
 

@@ -24,7 +24,7 @@ from spacemap_vtk.datasets.arrays import (
     to_array,
     to_points,
 )
-from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET
+from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_of
 from spacemap_vtk.datasets.geometry_snapshot import GeometrySnapshot
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import (
@@ -38,6 +38,7 @@ from spacemap_vtk.embedding.locate import Location, locate
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import ProvidedArray, Stage
+from spacemap_vtk.filters.shape_limits import check_yarns
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parallel import MANY_POINTS, blocks, for_each
@@ -148,6 +149,16 @@ class BarycentricWarp(Stage):
         for name in self._carried_names(inputs[1]):
             values = self._vertex_values(inputs[1], prepared, name)
             add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
+        self._check_yarns(inputs[0], inputs[1])
+
+    def _check_yarns(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> None:
+        """Check what happens to the yarns of a cloth, if the strain of the cage is known."""
+        array, cloth = cage.GetCellData().GetArray("strain"), cloth_of(points)
+        if array is None or cloth is None:
+            return
+        strain = vtk_to_numpy(array)[:, [0, 1, 2, 4, 5, 3]] * [1, 1, 1, 2, 2, 2]  # VTK's order
+        keeps_length = points.GetPointData().HasArray(OFFSET) == 1
+        check_yarns(self, cloth, strain, keeps_length)
 
     def _points_in_cage(self, points: vtkPointSet) -> vtkPointSet:
         """Return the points to embed in the cage: those given, or the feet of yarns."""

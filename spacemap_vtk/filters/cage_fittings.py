@@ -17,6 +17,8 @@ from spacemap_vtk.mechanics.boundary.fittings import (
     Fittings,
     make_fittings,
 )
+from spacemap_vtk.mechanics.boundary.grips import PLACE as GRIP_PLACE
+from spacemap_vtk.mechanics.boundary.grips import check_axes
 from spacemap_vtk.mechanics.boundary.places import ALLOWED, SIDES, Place, parse_places
 from spacemap_vtk.mechanics.boundary.supports import RIGID_PLACE, default_support, loose_sides
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -63,6 +65,20 @@ class Supports(Places):
 
     kind = "supports"
     expected = f"{ALLOWED}, {_COMPONENTS.format('to hold')}{_SEVERAL}"
+
+
+class GripPlaces(Places):
+    """Places that a grip holds, along axes."""
+
+    what = GRIP_PLACE
+    expected = f'{ALLOWED}, optionally followed by ":" and the components to hold{_SEVERAL}'
+
+    def read(self, text: str) -> list[Place]:
+        """Parse the places in a text; refuse directions."""
+        found = super().read(text)
+        for place in found:
+            check_axes(place)
+        return found
 
 
 class RigidPlaces(Places):

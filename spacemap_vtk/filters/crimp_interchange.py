@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkUnstructuredGrid
 
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of, to_array
 from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_arrays, cloth_of
 from spacemap_vtk.datasets.geometry_snapshot import GeometrySnapshot
@@ -27,10 +28,6 @@ from spacemap_vtk.textile.geometry.cloth_axes import ALL_YARNS, YarnSelection
 from spacemap_vtk.textile.geometry.partition import select_piece
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 
-#: Strain of inextensible yarns above which the stage warns.
-_STRAIN = 0.01
-#: Excess length of slack yarns, over the length of their path, above which the stage warns.
-_SLACK = 0.02
 #: Tolerance between the input's points and those of its cloth, over its size: float32 precision.
 _APART = 1e-5
 #: Crossings whose slopes are prepared at a time; they need some hundred megabytes.
@@ -79,8 +76,6 @@ class CrimpInterchange(YarnParameters, Stage):
     _cloth_crossings: _ClothCrossings | None = None
     #: The crossings of a whole cloth, and the share of them that the input has.
     _borrowed: tuple[_ClothCrossings, YarnSelection] | None = None
-    #: Kinds of warnings issued so far. An animation would repeat them with each frame's numbers.
-    _warned_kinds: set[str] | None = None
 
     def run(self, inputs: list[Any], output: vtkPointSet, time: float) -> None:
         """Compute the heights at the crossings and the axes through them."""
@@ -115,7 +110,7 @@ class CrimpInterchange(YarnParameters, Stage):
                 values = np.concatenate([values, values])
             add_array(output.GetCellData(), name, values.ravel()[kept.geometry.crossing])
         if borrowed is None:
-            self._warn_about(state, stretch, whole.crimp)
+            self._check_limits(state, stretch, whole.crimp)
 
     def crossing_values(
         self, name: str, weave: vtkPointSet, cage: vtkUnstructuredGrid
@@ -146,7 +141,7 @@ class CrimpInterchange(YarnParameters, Stage):
         whole = self._crossings(weave, cage)
         field = array_of(cage.GetPointData(), "displacement", "CrimpInterchange, on port 1,")
         current = whole.solve(field)
-        self._warn_about(*current, whole.crimp)
+        self._check_limits(*current, whole.crimp)
         return _crossing_values(name, current.state, whole.tension)
 
     def use_crossings_of(
@@ -168,42 +163,37 @@ class CrimpInterchange(YarnParameters, Stage):
             self._borrowed = borrowed
             self.Modified()
 
-    def _warn_about(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
-        """Warn about jammed, slack and strained yarns."""
+    def _check_limits(self, state: CrimpState, stretch: Floats, crimp: Floats) -> None:
+        """Check for jammed, slack and strained yarns."""
         count = state.distance.size
-        if (jammed := state.jammed.any(axis=0)).any():
+        jammed = state.jammed.any(axis=0)
+        words = {}
+        if jammed.any():
             pressed = np.where(state.jammed, stretch, np.inf)
             family, pick, end = np.unravel_index(int(np.argmin(pressed)), pressed.shape)
-            self._warn_once(
-                "jam",
-                f"{jammed.sum()} of {count} crossings are jammed: yarns cannot bend further, worst "
-                f"at end {end + 1} and pick {pick + 1}, where the cage compresses the "
+            words = {
+                "found": f"{jammed.sum()} of {count} crossings are jammed",
+                "beyond": "yarns cannot bend further, worst at end "
+                f"{end + 1} and pick {pick + 1}, where the cage compresses the "
                 f"{FAMILIES[family]} to {pressed.min():.3g} of its length",
-            )
+            }
+        self.check_limit("jam", float(jammed.mean()), **words)
         # Excess length: yarn length over path length, both per length of the cloth at rest.
         spare = (1.0 + crimp) / ((1.0 + state.crimp) * stretch) - 1.0
-        if (slack := (state.slack & (spare > _SLACK)).any(axis=0) & ~jammed).any():
-            self._warn_once(
-                "slack",
-                f"yarns are slack at {slack.sum()} of {count} crossings: they are up to "
-                f"{100.0 * spare[:, slack].max():.3g} % longer than their path",
-            )
-        if self.inextensible and (worst := float(state.strain.max())) > _STRAIN:
+        slack = (state.slack & (spare > LIMITS["slack"].most)).any(axis=0) & ~jammed
+        excess = np.where(state.slack & ~jammed, spare, 0.0)
+        found = (
+            f"yarns are slack at {slack.sum()} of {count} crossings: they are up to {{}} longer "
+            "than their path"
+        )
+        self.check_limit("slack", float(excess.max()), found=found)
+        if self.inextensible:
             family, pick, end = np.unravel_index(int(np.argmax(state.strain)), state.strain.shape)
-            self._warn_once(
-                "strain",
-                f"yarns have no crimp left: the {FAMILIES[family]} is strained by up to "
-                f"{100.0 * worst:.3g} %, most at end {end + 1} and pick {pick + 1}",
+            found = (
+                f"yarns have no crimp left: the {FAMILIES[family]} is strained by up to {{}}, most "
+                f"at end {end + 1} and pick {pick + 1}"
             )
-
-    def _warn_once(self, kind: str, text: str) -> None:
-        """Add a sentence to `warnings`; issue only the first of its kind as a Python warning."""
-        if self._warned_kinds is None:
-            self._warned_kinds = set()
-        if kind in self._warned_kinds:
-            self._issued.add(text)
-        self._warned_kinds.add(kind)
-        self.warn(text)
+            self.check_limit("no_crimp", float(state.strain.max()), found=found)
 
     def _crossings(self, weave: vtkPointSet, cage: vtkUnstructuredGrid) -> _ClothCrossings:
         """Return the crossings of the whole cloth of a weave or of a piece of it."""

@@ -10,6 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
+from spacemap_vtk.applicability import LIMITS, TRUSTED_ROTATION
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
@@ -22,14 +23,10 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
+from spacemap_vtk.filters.shape_limits import check_folds, check_inversion, check_strains
 from spacemap_vtk.mechanics.contact.opening import RestingContact, resting_contacts
 from spacemap_vtk.mechanics.contact.resting import obstacles_of
-from spacemap_vtk.mechanics.elements.inversion import inversion_warning
-from spacemap_vtk.mechanics.elements.kinematics import (
-    LARGE_ROTATION,
-    TRUSTED_ROTATION,
-    largest_rotation,
-)
+from spacemap_vtk.mechanics.elements.kinematics import largest_rotation
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
@@ -132,38 +129,33 @@ class ModalResponse(LoadParameters, Stage):
             )
         rest = modes.model.displacement
         moved = displacement if rest is None else displacement - rest
-        for number, contact in enumerate(self._contacts):
-            if contact.find_openings(moved[None]).forwards[0] < 1.0:
-                self.warn(
-                    f"the motion would lift the cage off obstacle {number}, but a linear motion "
-                    "holds what touches at rest; use [transient] instead of [response], or lower "
-                    "the load"
-                )
+        if self._contacts:
+            openings = [contact.find_openings(moved[None]) for contact in self._contacts]
+            multiples = [float(opening.forwards[0]) for opening in openings]
+            number = int(np.argmin(multiples))
+            self.check_limit(
+                "contact",
+                1.0 / multiples[number],
+                found="the motion is {} as large as that at which the cage lifts off obstacle "
+                f"{number}",
+            )
         gradients = modes.gradient.evaluate(moved)
-        angle = 0.0 if self.rotation_removed else largest_rotation(gradients)
-        if angle > TRUSTED_ROTATION:
-            self.warn(
-                f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
-                "linear motion is not reliable, with or without [rotation]; use [transient] "
-                "instead of [response], or let it hang under the load ([modal] gravity, dead_loads)"
-            )
-        elif angle > LARGE_ROTATION:
-            self.warn(
-                f"the cage turns by more than {np.degrees(LARGE_ROTATION):.0f} degrees, and a "
-                "linear motion stretches parts that turn; add a section [rotation] "
-                "(RotationStrain), or lower the load"
-            )
         model = modes.model
-        if not self.rotation_removed and (
-            text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface)
-        ):
-            self.warn(text)
+        if not self.rotation_removed:
+            angle = largest_rotation(gradients)
+            words = {"cure": LIMITS["swing"].cure} if angle > TRUSTED_ROTATION else {}
+            self.check_limit("rotation", angle, **words)
+            at = model.points + displacement
+            check_inversion(self, model.points, at, model.cells, model.pencil.surface)
+            check_folds(self, grid, model.points, at, model.pencil.surface)
+        strain, stress = modes.strain_and_stress(moved, gradients)
+        check_strains(self, grid, strain, model, linear=True)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
         coordinates = state.position[: len(modes.eigenvalues)].copy()
         add_array(output.GetFieldData(), "modal_coordinates", coordinates)
         if self.stress:
-            add_stress(output, *modes.strain_and_stress(moved, gradients))
+            add_stress(output, strain, stress)
         if self.energy:
             energies = motion.energy(time, state)
             if np.isnan(energies.work):

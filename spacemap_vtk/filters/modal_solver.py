@@ -7,14 +7,22 @@ import math
 import time as clock
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.datasets.arrays import add_array, elements_of, points_of, to_array
+from spacemap_vtk.applicability import LIMITS
+from spacemap_vtk.datasets.arrays import (
+    add_array,
+    add_number,
+    elements_of,
+    mask_reader,
+    points_of,
+    to_array,
+)
 from spacemap_vtk.datasets.cloth_data import cloth_of
 from spacemap_vtk.datasets.extent import filled_share, up_axis
 from spacemap_vtk.datasets.modal_model import (
@@ -23,24 +31,34 @@ from spacemap_vtk.datasets.modal_model import (
     add_model,
     add_sheet,
     add_terms,
+    contact_of,
+)
+from spacemap_vtk.datasets.reactions import (
+    PathReactions,
+    add_bearings,
+    add_reactions,
+    remove_reactions,
 )
 from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
-from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
+from spacemap_vtk.filters.cage_material import WOVEN
+from spacemap_vtk.filters.grip import Grips, bearing_recipe, hold_with_grips, make_grips
+from spacemap_vtk.filters.law_parameters import LawParameters
 from spacemap_vtk.filters.layer_contact import LAYER_FRICTION
 from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
+from spacemap_vtk.filters.rest_states import RestState, RestTask, load_or_solve_rest
+from spacemap_vtk.filters.shape_limits import LAW_CRIMP, check_folds, check_strains
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.rest_state import read_rest_state
+from spacemap_vtk.mechanics.boundary.reactions import find_bearings
 from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.contact.obstacle_term import contact_stiffness
-from spacemap_vtk.mechanics.contact.path import divide_path, follow_path
+from spacemap_vtk.mechanics.contact.path import divide_path
 from spacemap_vtk.mechanics.contact.resting import (
     Resting,
     count_anchors,
-    find_resting_state,
-    layers_of,
     obstacles_of,
     rested_terms,
 )
@@ -50,36 +68,26 @@ from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.elements.plates import DataSheet, Plate, data_sheet
 from spacemap_vtk.mechanics.elements.shell import SHEET_ASPECT, Layer, find_layer
 from spacemap_vtk.mechanics.equilibrium import energy_terms
-from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats, Ints, Progress
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.weave.cloth import FAMILIES
+from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.units import format_quantity
-
-#: A cage that bends or twists by more than this factor too stiffly or too softly causes a warning.
-BENDS_ALIKE = 2.0
 
 #: Quadratic tetrahedra that are at most this many thicknesses wide twist correctly, within 5 % in
 #: frequency (see `spacemap_vtk.mechanics.elements.locking.estimate_locking`).
 TWISTS_WELL = 4
-
-#: Above this Poisson's ratio (see
-#: `spacemap_vtk.mechanics.elements.materials.equivalent_poissons_ratio`) linear tetrahedra also
-#: show volumetric locking.
-NEARLY_INCOMPRESSIBLE = 0.45
 
 #: Solutions that take less time than this, in s, are not always stored on disk: while a slider is
 #: dragged, writing would take as long as solving.
 _QUICK = 0.05
 #: Least time between two stored quick solutions, in s.
 _PAUSE = 1.0
-
-#: Rounding errors of eigenvalues above this share cause a warning.
-ROUNDING = 1e-4
 
 #: The arrays that are stored on disk, and their shapes.
 _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
@@ -89,7 +97,17 @@ _STORED = {"eigenvalues": (-1,), "shapes": (-1, -1, 3), "rounding": (-1,)}
 Solution = tuple[Floats, Floats, Floats]
 
 
-class ModalSolver(CageMaterial, CageFittings, Stage):
+class CageSheet(NamedTuple):
+    """A cage that is a sheet."""
+
+    plate: Plate
+    areal_mass: float
+    """Mass per area [kg/m²]."""
+    thickness: float
+    """Mean thickness of the cage [m]."""
+
+
+class ModalSolver(LawParameters, CageFittings, Stage):
     """Compute the lowest vibration modes of a cage of tetrahedra: K s = λ M s.
 
     Modes are kept: another modulus or density only scales them. Modes that were computed before are
@@ -134,6 +152,7 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         "density_factor": ProvidedArray("cell", "", {"density_factors": ()}),
         "nodal_mass": ProvidedArray("point", "kg"),
         "equilibrium": ProvidedArray("point", "m"),
+        "reaction": ProvidedArray("point", "N"),
         "eigenvalues": ProvidedArray("field", "1/s2"),
         "frequencies": ProvidedArray("field", "Hz"),
         "eigenvalue_rounding": ProvidedArray("field"),
@@ -177,9 +196,15 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         automatic="the undeformed cage",
         group="Hung",
     )
+    grips = Grips(
+        (),
+        "Grips that hold places of the cage, and move and turn them through states at rest. The "
+        "modes are those about the last state, in which the grips hold.",
+        group="Hung",
+    )
     path_steps = Integer(
         10,
-        "Number of equilibria along each straight line of the obstacles' paths.",
+        "Number of equilibria along each straight line of the paths of obstacles and grips.",
         minimum=1,
         maximum=10_000,
         group="Hung",
@@ -277,6 +302,10 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         self.choose_modulus(vertices, elements, up_axis(grid))
         held, fittings, warnings = self.make_fittings(grid, vertices, elements)
+        grips = make_grips(
+            self.grips, vertices, self.path_steps, self.path_lines, mask_reader(grid)
+        )
+        held = hold_with_grips(held, grips)
         for text in warnings:
             self.warn(text)
         sheet = self._find_sheet(vertices, elements)
@@ -297,6 +326,8 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         data = vertices, elements, material, density, held, self.mass == "lumped"
         self._model = model = Model(*data, None, fittings, terms)
         anchors: Floats | None = None
+        task: RestTask | None = None
+        found: RestState | None = None
         layers = layers if linear else 2 * layers
         if self.is_hung:
             load, start, path = self._dead_load(grid, model), *self._start_and_path(model)
@@ -304,15 +335,27 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             if acts or start is not None or path is not None:
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
                 self._undeformed = model
-                rest, anchors = self._equilibrium(model, load, start, path, layers)
+                fixed = self.values_in_use["fixed"] if self.fixed is None else self.fixed
+                bearings = find_bearings(vertices, fixed, grips, mask_reader(grid))
+                task = RestTask(model, load, start, path, grips, bearings)
+                found = self._equilibrium(task, layers)
+                rest, anchors = found.displacement, found.anchors
                 terms = rested_terms(terms, vertices + rest, anchors)
                 self._model = model = Model(*data, rest, fittings, terms)
         eigenvalues, shapes, rounding = self._load_or_solve_modes(model, layers)
 
         output.ShallowCopy(grid)
+        self._check_law(grid, output)
+        if model.displacement is not None:
+            surface = model.pencil.surface
+            check_folds(self, grid, vertices, vertices + model.displacement, surface)
+            strain, _ = model.strain_and_stress(np.zeros_like(vertices))
+            check_strains(self, output, strain, model)
         add_model(output, model, self.gravity)
         add_terms(output, recipes, anchors)
         add_contact(output, model)
+        self._add_reactions(output, task, found)
+        self._check_obstacles(model, output, _mean_edge(grid) if sheet is None else sheet.cell)
         if model.plate is not None:
             add_sheet(output, data_sheet(model.plate, mass))
         for array in self._mode_arrays(shapes, model.density):
@@ -323,14 +366,14 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         add_array(output.GetFieldData(), "eigenvalue_rounding", rounding)
         for text in self.warnings_for_other_elements(sheet is not None):
             self.warn(text)
-        self._warn_of_rounding(rounding)
+        self._check_rounding(rounding)
         if sheet is not None:
             return
         if self.material in FABRICS and self.youngs_moduli is None:
-            self._warn_of_thickness(FABRICS[self.material].plate_thickness, extent)
-        self._warn_of_stiffness(model)
+            self._check_thickness(FABRICS[self.material].plate_thickness, extent)
+        self._check_locking(model)
         if linear:
-            self._warn_of_volume(model.elasticity)
+            self._check_volume(model.elasticity)
 
     def _contact_recipes(
         self, grid: vtkUnstructuredGrid, material: Floats | Plate, sheet: Layer | None
@@ -377,6 +420,13 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
                 recipes.append({"kind": "layer-friction", "friction": friction, **layers})
         return recipes
 
+    @property
+    def path_lines(self) -> int:
+        """Largest number of straight lines in the path of an obstacle or grip."""
+        paths = [obstacle.path for obstacle in self.obstacles]
+        paths += [path for grip in self.grips for path in (grip.path, grip.turns)]
+        return max((len(path) for path in paths if path), default=0)
+
     def _start_and_path(self, model: Model) -> tuple[Resting | None, Floats | None]:
         """Return the state where the equilibrium begins, and displacements of the obstacles."""
         start = None
@@ -386,9 +436,10 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             except SpacemapError as error:
                 error.key = "start"  # readers name their own parameter
                 raise
-        if not any(obstacle.path for obstacle in self.obstacles):
+        if not self.path_lines:
             return start, None
-        path = divide_path([obstacle.path or () for obstacle in self.obstacles], self.path_steps)
+        corners = [obstacle.path or () for obstacle in self.obstacles]
+        path = divide_path([*corners, [(0.0, 0.0, 0.0)] * self.path_lines], self.path_steps)[:, :-1]
         steps = np.linalg.norm(np.diff(path, axis=0), axis=2).max(axis=0)
         for number, (length, term) in enumerate(zip(steps, obstacles_of(model), strict=True)):
             if length > term.obstacle.depth:
@@ -413,10 +464,26 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
         DataSheet or None
             None if the cage is a solid.
         """
+        found = self.sheet_of_cage(grid)
+        return None if found is None else data_sheet(found.plate, found.areal_mass)
+
+    def sheet_of_cage(self, grid: vtkUnstructuredGrid) -> CageSheet | None:
+        """Return the sheet that a cage is, without solving anything.
+
+        Parameters
+        ----------
+        grid : vtkUnstructuredGrid
+            The cage.
+
+        Returns
+        -------
+        CageSheet or None
+            None if the cage is a solid.
+        """
         sheet = self._find_sheet(points_of(grid).astype(np.float64, copy=False), elements_of(grid))
         if sheet is None:
             return None
-        return data_sheet(*self._sheet_and_mass(grid, sheet))
+        return CageSheet(*self._sheet_and_mass(grid, sheet), sheet.thickness)
 
     def _sheet_and_mass(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""
@@ -445,13 +512,15 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
     @property
     def is_hung(self) -> bool:
         """Whether the cage is to hang, and there is a load under which it hangs."""
-        given = any(self.gravity) or self.dead_loads or self._terms or self.obstacles or self.start
+        given = any(self.gravity) or self.dead_loads or self._terms or self.start
+        given = given or self.obstacles or self.grips
         return self.hang and bool(given)
 
     @property
     def arrays(self) -> dict[str, ProvidedArray]:
         """The arrays that the next run adds, by name."""
-        return {k: v for k, v in super().arrays.items() if self.is_hung or k != "equilibrium"}
+        hung = ("equilibrium", "reaction")
+        return {k: v for k, v in super().arrays.items() if self.is_hung or k not in hung}
 
     def _dead_load(self, grid: vtkUnstructuredGrid, model: Model) -> Floats:
         """Return the forces on the vertices under which the cage hangs [N], (3V,)."""
@@ -466,16 +535,9 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             total += cage.vertex_forces(vector)
         return total
 
-    def _equilibrium(
-        self,
-        model: Model,
-        load: Floats,
-        start: Resting | None,
-        path: Floats | None,
-        layers: float,
-    ) -> tuple[Floats, Floats]:
-        """Return displacement and anchors of friction in equilibrium, from disk or solved."""
-        digest = _digest_of_equilibrium(model, load, start, path)
+    def _equilibrium(self, task: RestTask, layers: float) -> RestState:
+        """Return the state in equilibrium, from memory, from disk or solved."""
+        model = task.model
 
         def allow() -> None:
             require_memory(
@@ -487,28 +549,51 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             )
 
         def solve() -> list[Floats]:
-            return load_or_solve_equilibrium(
-                model,
-                load,
-                lambda share: self.report_progress(share, "hanging"),
-                allow,
-                start=start,
-                path=path,
+            return list(
+                load_or_solve_rest(
+                    task, lambda share: self.report_progress(share, "hanging"), allow
+                )
             )
 
-        if self._last_equilibrium is None or self._last_equilibrium[0] != digest:
+        if self._last_equilibrium is None or self._last_equilibrium[0] != task.digest:
             processes = self._processes
             self._last_equilibrium = (
-                digest,
+                task.digest,
                 solve() if processes is None else processes.make_in_first(solve),
             )
-        found, critical, anchors = self._last_equilibrium[1]
-        if not math.isnan(critical[0]):
+        found = RestState(*self._last_equilibrium[1])
+        if not math.isnan(found.critical[0]):
             self.warn(
-                f"the cage buckles at {critical[0]:.3g} of the load under which it hangs; if it "
-                "can fold to either of two sides, rounding chooses one"
+                f"the cage buckles at {found.critical[0]:.3g} of the load under which it hangs; if "
+                "it can fold to either of two sides, rounding chooses one"
             )
-        return found, anchors
+        return found
+
+    def _add_reactions(
+        self, output: vtkUnstructuredGrid, task: RestTask | None, found: RestState | None
+    ) -> None:
+        """Write what holds the cage, and its reactions at rest and along the path."""
+        fixed = self.values_in_use["fixed"] if self.fixed is None else self.fixed
+        add_bearings(output, bearing_recipe(fixed, self.grips))
+        if task is None or found is None:
+            remove_reactions(output)
+            return
+        reactions = found.last_reactions(task)
+        shapes = iter(obstacle.shape for obstacle in self.obstacles)
+        named = [
+            each._replace(name=next(shapes)) if each.kind == "obstacle" else each
+            for each in reactions
+        ]
+        path = None
+        if len(table := found.reactions):
+            steps = [
+                np.stack([getattr(grip, key) for grip in task.grips], axis=1)
+                if task.grips
+                else np.empty((len(table), 0, 3))
+                for key in ("moves", "turns")
+            ]
+            path = PathReactions(table[..., :3], table[..., 3:6], *steps)
+        add_reactions(output, found.holding, named, path)
 
     def _solve(self, model: Model, count: int, layers: float) -> Solution:
         # This imports scipy's solvers, which results from disk do not need.
@@ -567,52 +652,67 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             self._arrays = modes, arrays
         return self._arrays[1]
 
-    def _warn_of_thickness(self, plate: float, extent: float) -> None:
+    def _check_thickness(self, plate: float, extent: float) -> None:
         times = (extent / plate) ** 2
-        if not 1 / BENDS_ALIKE <= times <= BENDS_ALIKE:
-            softly = "softly" if times < 1 else "stiffly"
-            lower = "lower" if times > 1 else "raise"
-            times = max(times, 1 / times)
-            shown_plate = format_quantity(float(f"{plate:.3g}"), "m")
-            self.warn(
-                f"the cage stretches like {self.material}, but bends {times:.2g} times too "
-                f"{softly} ({self.material} bends like a plate of {shown_plate}); set "
-                f'modal.elements = "sheet", or {lower} youngs_moduli and shear_moduli '
-                f"{times:.2g} times"
+        softly, lower = ("softly", "raise") if times < 1 else ("stiffly", "lower")
+        times = max(times, 1 / times)
+        shown_plate = format_quantity(float(f"{plate:.3g}"), "m")
+        self.check_limit(
+            "thickness",
+            times,
+            found=f"the cage stretches like {self.material}, but bends {{}} too {softly} "
+            f"({self.material} bends like a plate of {shown_plate})",
+            cure=f'set modal.elements = "sheet", or {lower} youngs_moduli and shear_moduli '
+            f"{times:.2g} times",
+        )
+
+    def _check_rounding(self, rounding: Floats) -> None:
+        worst, most = float(rounding.max()), LIMITS["rounding"].most
+        poor = np.flatnonzero(rounding > (LOST if worst > LOST else most))
+        beyond = ""
+        if len(poor):
+            which = f"mode {poor[0] + 1}"
+            if len(poor) > 1:
+                which = f"modes {poor[0] + 1} to {poor[-1] + 1}"
+            digits = int(-math.log10(worst))
+            verb = "is" if digits == 1 else "are"
+            beyond = (
+                f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} {verb} "
+                "correct"
             )
+            if worst > LOST:
+                beyond = f"the frequency of {which} is lost in rounding"
+        self.check_limit("rounding", worst, beyond=beyond)
 
-    def _warn_of_rounding(self, rounding: Floats) -> None:
-        worst = float(rounding.max())
-        if worst <= ROUNDING:
+    def _check_law(self, grid: vtkUnstructuredGrid, output: vtkUnstructuredGrid) -> None:
+        """State what cloth from its yarns assumes; store the crimp that limits a linear law."""
+        output.GetFieldData().RemoveArray(LAW_CRIMP)
+        if self.material != WOVEN:
             return
-        poor = np.flatnonzero(rounding > (LOST if worst > LOST else ROUNDING))
-        which = (
-            f"mode {poor[0] + 1}" if len(poor) == 1 else f"modes {poor[0] + 1} to {poor[-1] + 1}"
-        )
-        digits = int(-math.log10(worst))
-        verb = "is" if digits == 1 else "are"
-        loss = (
-            f"about {digits} digit{'s' * (digits != 1)} of the frequency of {which} {verb} correct"
-        )
-        if worst > LOST:
-            loss = f"the frequency of {which} is lost in rounding"
-        self.warn(
-            f"{loss}, because the cage is much softer in bending than in stretching; use a thicker "
-            "cage, fewer divisions or more modes"
-        )
+        self.check_limit("no_slip")
+        cloth = cloth_of(grid)
+        assert cloth is not None
+        figures = fabric_figures(cloth)
+        crimp = min(figures[family]["mean_crimp"] for family in FAMILIES)
+        if crimp > 0.0:
+            add_number(output.GetFieldData(), LAW_CRIMP, crimp)
 
-    def _warn_of_stiffness(self, model: Model) -> None:
+    def _check_obstacles(self, model: Model, output: vtkUnstructuredGrid, cell: float) -> None:
+        found = zip(obstacles_of(model), contact_of(output), strict=True)
+        depths = [term.obstacle.depth for term, contact in found if contact.points]
+        if depths:
+            self.check_limit("obstacle", cell / min(depths))
+
+    def _check_locking(self, model: Model) -> None:
         if self._locking is None or self._locking[0] != model.digest:
             held = ~model.free.reshape(-1, 3)
             found = estimate_locking(model.points, model.cells, model.elasticity, held)
             self._locking = model.digest, found
         bending, twist = self._locking[1]
-        if max(bending, twist) <= BENDS_ALIKE:
-            return
         sheet = proportions_of(model.points, model.cells)
         linear = model.cells.shape[1] == 4
         factors = {"bend": bending} if linear else {}
-        if twist > BENDS_ALIKE:
+        if twist > LIMITS["locking"].most:
             factors["twist"] = twist
         widest = format_quantity(float(f"{TWISTS_WELL * sheet.thickness:.3g}"), "m")
         fine = f"cells no wider than {TWISTS_WELL} thicknesses ({widest})"
@@ -630,81 +730,25 @@ class ModalSolver(CageMaterial, CageFittings, Stage):
             f"{what}s about {_format_factor(times)} times" for what, times in factors.items()
         ]
         too_high = " and ".join(_format_factor(math.sqrt(times)) for times in factors.values())
-        self.warn(
-            f"the cage of {'linear' if linear else 'quadratic'} tetrahedra "
-            f"{' and '.join(too_stiff)} too stiffly: frequencies are about {too_high} times too "
-            f"high; {cure}"
+        self.check_limit(
+            "locking",
+            max(bending, twist),
+            found=f"the cage of {'linear' if linear else 'quadratic'} tetrahedra "
+            f"{' and '.join(too_stiff)} too stiffly",
+            beyond=f"frequencies are about {too_high} times too high",
+            cure=cure,
         )
 
-    def _warn_of_volume(self, elasticity: Floats) -> None:
-        ratio = equivalent_poissons_ratio(elasticity)
-        if ratio > NEARLY_INCOMPRESSIBLE + 1e-9:
-            isotropic = self.material == "isotropic"
-            kind = "a " if isotropic else "an equivalent "
-            parameter = "poissons_ratio to 0.45" if isotropic else "poissons_ratios"
-            self.warn(
-                f"linear tetrahedra are too stiff at {kind}Poisson's ratio of {ratio:.4g} "
-                "(volumetric locking); set [cage] order = 2 (quadratic tetrahedra), or lower "
-                f"{parameter}"
-            )
-
-
-def load_or_solve_equilibrium(
-    model: Model,
-    load: Floats,
-    progress: Progress,
-    allow: Callable[[], object] = lambda: None,
-    *,
-    start: Resting | None = None,
-    path: Floats | None = None,
-) -> list[Floats]:
-    """Return the equilibrium of a body under dead loads, from disk or solved.
-
-    Parameters
-    ----------
-    model : Model
-        The body, undeformed.
-    load : ndarray of float64, shape (3V,)
-        Forces on the vertices [N].
-    progress : callable
-        Receives the share that is done.
-    allow : callable, optional
-        Called before solving; may raise to prevent it.
-    start : Resting, optional
-        State from which the search begins; by default the undeformed body.
-    path : ndarray of float64, shape (S, n, 3), optional
-        Displacements of the n obstacles from their places, from
-        `spacemap_vtk.mechanics.contact.path.divide_path`; by default they stay.
-
-    Returns
-    -------
-    list of ndarray of float64
-        The displacement [m], (V, 3), the share of the load at which it buckles, (1,), or NaN, and
-        the anchors of friction on obstacles [m], (S, 3).
-    """
-    key = f"hung-{_digest_of_equilibrium(model, load, start, path)}"
-    entry = cache.load(key, displacement=model.points.shape, critical=(1,), anchors=(-1, 3))
-    if entry is not None and np.isfinite(entry["displacement"]).all():
-        return list(entry.values())
-    allow()
-    share, anchors = None, np.empty((0, 3))
-    if path is not None:
-        displacement, anchors = follow_path(model, load, path, progress, start)
-    elif obstacles_of(model) or layers_of(model) or start is not None:
-        displacement, anchors = find_resting_state(model, load, progress, start)
-    else:
-        displacement, share = model.solve_equilibrium(load, progress)
-    critical = np.array([math.nan if share is None else share])
-    cache.store(key, displacement=displacement, critical=critical, anchors=anchors)
-    return [displacement, critical, anchors]
-
-
-def _digest_of_equilibrium(
-    model: Model, load: Floats, start: Resting | None, path: Floats | None
-) -> str:
-    """Return the digest of all that an equilibrium depends on."""
-    more = [] if start is None else [*start]
-    return digest_of(model.digest, load / model.modulus, *more, *([] if path is None else [path]))
+    def _check_volume(self, elasticity: Floats) -> None:
+        isotropic = self.material == "isotropic"
+        kind = "" if isotropic else "the equivalent "
+        parameter = "poissons_ratio to 0.45" if isotropic else "poissons_ratios"
+        self.check_limit(
+            "volume",
+            round(equivalent_poissons_ratio(elasticity), 9),
+            found=f"{kind}Poisson's ratio is {{}}",
+            cure=f"set [cage] order = 2 (quadratic tetrahedra), or lower {parameter}",
+        )
 
 
 def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:

@@ -15,11 +15,15 @@ from spacemap_vtk.datasets.mesh_distance import sample_distance
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load import Numbers
 from spacemap_vtk.filters.records import Record, Records
-from spacemap_vtk.filters.time_keys import check_time_keys, make_time_function
+from spacemap_vtk.filters.time_keys import (
+    MOTIONS,
+    check_motion,
+    make_time_function,
+    motion_values,
+)
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.formats.toml import format_value
 from spacemap_vtk.io.reading import read_object
-from spacemap_vtk.mechanics.boundary import time_functions
 from spacemap_vtk.mechanics.contact import obstacles as bodies
 from spacemap_vtk.mechanics.contact.layer_friction import LayerFriction
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
@@ -43,10 +47,6 @@ SHAPES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 _DISC_HEIGHT = 0.1
 #: Radius of edges over half of the least thickness, unless it is given.
 _ROUNDING = 0.5
-
-#: Time functions of motions, and their keys.
-_MOTIONS = ("ramp", "table", "harmonic", "periodic")
-_MOTION_KEYS = ("start", "rise", "times", "values", "frequency")
 
 #: Keys that an obstacle of any shape may have.
 _ALWAYS = ("friction", "path", "displacement")
@@ -165,20 +165,20 @@ class Obstacle(Record):
     )
     path = Vectors(
         "Displacements from its place through which the obstacle is moved slowly, along straight "
-        "lines, before anything moves in time; it stays at the last. All obstacles move along "
-        "their first lines at the same time, then along their second ones.",
+        "lines, before anything moves in time; it stays at the last. All obstacles and grips move "
+        "along their first lines at the same time, then along their second ones.",
         component=Real(0.0, "", unit="m"),
     )
     displacement = Vector(
         None,
-        "Displacement of the obstacle in time steps, multiplied by a time function.",
+        "Displacement in time steps, multiplied by a time function.",
         component=Real(0.0, "", unit="m"),
     )
     time = Choice(
         "ramp",
-        "Factor of the displacement over time. ramp: from 0 to 1; table: linear between points; "
+        "Factor of the motion over time. ramp: from 0 to 1; table: linear between points; "
         "harmonic: sin(2πft); periodic: a repeated table.",
-        list(_MOTIONS),
+        list(MOTIONS),
     )
     start = Real(None, "Time at which the motion begins.", unit="s", minimum=0.0)
     rise = Real(None, "Rise time of a ramp.", unit="s", above=0.0)
@@ -226,45 +226,18 @@ class Obstacle(Record):
                 value=rounding,
                 allowed=f"at most {self._half_thickness:.4g} m",
             )
-        self._check_motion()
+        check_motion(self, ("displacement",))
         self._state = None
         if self.file is not None:
             state = registry.require_file(self.file).stat()
             self._state = (state.st_mtime_ns, state.st_size)
-
-    def _check_motion(self) -> None:
-        """Check the displacement and its time function."""
-        if self.displacement is None:
-            for key in ("time", *_MOTION_KEYS):
-                if key in self.given_values:
-                    raise InputError(
-                        "an obstacle without a displacement does not use this value",
-                        key=key,
-                        value=getattr(self, key),
-                        cure="Give the displacement of the obstacle, or leave this out.",
-                    )
-            return
-        check_time_keys(self)
-        if not time_functions.is_continuous(make_time_function(self._time_values)):
-            raise InputError(
-                "the motion of an obstacle must begin with 0 and must not jump",
-                key="values" if self.values is not None else "start",
-                value=self.values if self.values is not None else self.start,
-                cure="Begin the values with 0, and give no time twice.",
-            )
-
-    @property
-    def _time_values(self) -> dict[str, Any]:
-        given = {key: getattr(self, key) for key in ("time", *_MOTION_KEYS)}
-        return {key: value for key, value in given.items() if value is not None}
 
     @property
     def motion(self) -> dict[str, Any] | None:
         """Displacement and time function as numbers and texts; None if the obstacle stays."""
         if self.displacement is None:
             return None
-        values = {k: list(v) if isinstance(v, tuple) else v for k, v in self._time_values.items()}
-        return {"displacement": list(self.displacement), **values}
+        return {"displacement": list(self.displacement), **motion_values(self)}
 
     @property
     def identity(self) -> Any:

@@ -14,9 +14,8 @@ from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.algorithm import Inputs
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import Supports
+from spacemap_vtk.filters.shape_limits import check_folds, check_inversion
 from spacemap_vtk.mechanics.boundary.supports import held_components
-from spacemap_vtk.mechanics.elements.inversion import inversion_warning
-from spacemap_vtk.mechanics.elements.kinematics import TRUSTED_ROTATION
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.mechanics.response.rotation_coordinates import RotationCoordinates
 from spacemap_vtk.ndarrays import Floats
@@ -81,19 +80,12 @@ class RotationStrain(Stage):
         self._mark_upstream(False)  # another consumer of those stages may not have a RotationStrain
         output.ShallowCopy(inputs[0])
         linear = self.rebuild(output)
-        kernel, moved = (
-            self._coordinates(output),
-            array_of(output.GetPointData(), "displacement", ""),
-        )
-        if kernel.largest_rotation(linear) > TRUSTED_ROTATION:
-            # The text names no angle: with it, each frame of a film would give a new warning.
-            self.warn(
-                f"the cage turns by more than {np.degrees(TRUSTED_ROTATION):.0f} degrees, where a "
-                "rebuilt shape is not reliable; use [transient] instead of [response], or let the "
-                "cage hang under the load ([modal] gravity, dead_loads)"
-            )
-        if text := inversion_warning(points_of(output), moved, elements_of(output), kernel.surface):
-            self.warn(text)
+        kernel, points = self._coordinates(output), points_of(output)
+        moved = points + array_of(output.GetPointData(), "displacement", "")
+        self.check_limit("swing", kernel.largest_rotation(linear))
+        self.check_limit("turned_strain", kernel.largest_turned_strain(linear))
+        check_inversion(self, points, moved, elements_of(output), kernel.surface)
+        check_folds(self, output, points, moved, kernel.surface)
 
     def rebuild(self, cage: vtkUnstructuredGrid) -> Floats:
         """Replace the linear motion in a cage's arrays by the motion without artificial stretch.

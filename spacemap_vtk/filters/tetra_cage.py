@@ -169,6 +169,34 @@ class TetraCage(Stage):
         if self._filled_share != 1.0:
             add_array(output.GetFieldData(), FILLED, np.array([self._filled_share]))
 
+    def make_coarser(self) -> tuple[TetraCage, float]:
+        """Make a stage for a cage of about half as many cells along each axis.
+
+        Returns
+        -------
+        cage : TetraCage
+            The stage, without an input.
+        ratio : float
+            Width of its cells over that of this stage's cells.
+
+        Raises
+        ------
+        InputError
+            If the cage is from a file, or has one cell only.
+        """
+        if self.method == "file":
+            raise InputError("the cage is from a file, and has no coarser one")
+        if self.method == "tetwild":
+            length = self.edge_length or self.GetInputDataObject(0, 0).GetLength() / 10
+            return TetraCage(**{**self.settings, "edge_length": 2 * length}), 2.0
+        divisions = np.array(self.divisions or self.values_in_use["divisions"])
+        half = (divisions + 1) // 2
+        ratios = (divisions / half)[divisions > 1]
+        if not len(ratios):
+            raise InputError("the cage has only one cell, and no coarser one")
+        changes = {"divisions": half.tolist(), "margin": (self.margin + 1) // 2}
+        return TetraCage(**{**self.settings, **changes}), float(np.exp(np.log(ratios).mean()))
+
     def _make_around(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.total == 1:
             raise GeometryError("there is nothing to enclose: the input has no points")

@@ -1,9 +1,9 @@
-"""Keys of a time function, as loads and moving obstacles declare them."""
+"""Keys of a time function, as loads, moving obstacles and grips declare them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from spacemap_vtk.errors import InputError
@@ -20,6 +20,10 @@ TIME_KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "harmonic": (("frequency",), ("phase", "steady")),
     "periodic": (("times", "values"), ("steady", "file")),
 }
+
+#: Time functions of obstacles and grips, and their keys.
+MOTIONS = ("ramp", "table", "harmonic", "periodic")
+_MOTION_KEYS = ("start", "rise", "times", "values", "frequency")
 
 
 def check_time_keys(record: Record, from_file: bool = False) -> None:
@@ -48,6 +52,44 @@ def check_time_keys(record: Record, from_file: bool = False) -> None:
                 key=key,
                 allowed=", ".join(needed + possible),
             )
+
+
+def check_motion(record: Record, moves: Sequence[str]) -> None:
+    """Check the time function of a record whose motion is given by any of the keys `moves`."""
+    if all(getattr(record, key) is None for key in moves):
+        for key in ("time", *_MOTION_KEYS):
+            if key in record.given_values:
+                article = "an" if record.noun[0] in "aeiou" else "a"
+                raise InputError(
+                    f"{article} {record.noun} without a {' or '.join(moves)} does not use this "
+                    "value",
+                    key=key,
+                    value=getattr(record, key),
+                    cure=f"Give the {' or the '.join(moves)} of the {record.noun}, or leave this "
+                    "out.",
+                )
+        return
+    check_time_keys(record)
+    if not time_functions.is_continuous(make_time_function(motion_values(record))):
+        values = record.settings
+        key = "values" if values["values"] is not None else "start"
+        raise InputError(
+            f"the motion of {'an' if record.noun[0] in 'aeiou' else 'a'} {record.noun} must begin "
+            "with 0 and must not jump",
+            key=key,
+            value=values[key],
+            cure="Begin the values with 0, and give no time twice.",
+        )
+
+
+def motion_values(record: Record) -> dict[str, Any]:
+    """Return the values of a record's time function as numbers, texts and lists."""
+    given = {key: getattr(record, key) for key in ("time", *_MOTION_KEYS)}
+    return {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in given.items()
+        if value is not None
+    }
 
 
 def make_time_function(values: Mapping[str, Any]) -> TimeFunction:

@@ -21,10 +21,10 @@ from spacemap_vtk.filters.load_parameters import (
     add_motion,
     add_stress,
 )
-from spacemap_vtk.filters.modal_solver import load_or_solve_equilibrium
+from spacemap_vtk.filters.rest_states import RestTask, load_or_solve_rest
+from spacemap_vtk.filters.shape_limits import check_folds, check_inversion, check_strains
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
 from spacemap_vtk.mechanics.contact.resting import layers_of, obstacles_of
-from spacemap_vtk.mechanics.elements.inversion import inversion_warning
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.model import Model
@@ -155,12 +155,14 @@ class TransientResponse(LoadParameters, Stage):
         model, moves = motion.model, motion.obstacle_moves(time)
         if moves.any():
             add_obstacle_moves(output, moves)
-        if text := inversion_warning(model.points, displacement, model.cells, model.pencil.surface):
-            self.warn(text)
+        at, surface = model.points + displacement, model.pencil.surface
+        check_inversion(self, model.points, at, model.cells, surface)
+        check_folds(self, grid, model.points, at, surface)
+        moved = displacement - motion.rest - motion.base_motion(time)[0]
+        strain, stress = model.strain_and_stress(moved, large=True)
+        check_strains(self, grid, strain, model)
         if self.stress:
-            base = motion.base_motion(time)[0]
-            moved = displacement - motion.rest - base
-            add_stress(output, *motion.model.strain_and_stress(moved, large=True))
+            add_stress(output, strain, stress)
         if self.energy:
             add_energies(output, motion.energies(np.array([time]))[0])
             if obstacles_of(model) or layers_of(model):
@@ -264,9 +266,9 @@ class TransientResponse(LoadParameters, Stage):
                 fittings,
                 model.terms,
             )
-        found, *_ = load_or_solve_equilibrium(
-            model, load, lambda share: self.report_progress(share, "hanging")
-        )
+        found = load_or_solve_rest(
+            RestTask(model, load), lambda share: self.report_progress(share, "hanging")
+        ).displacement
         return found if model.displacement is None else found + model.displacement
 
     def _store_states(self, digest: str, motion: SteppedMotion) -> None:

@@ -8,6 +8,7 @@ from spacemap_vtk.jobs.data import DataJob, make_data_job
 from spacemap_vtk.jobs.figure import FigureJob
 from spacemap_vtk.jobs.film import FilmJob
 from spacemap_vtk.jobs.job import JOBS, Context, Job, Times, job_from_json, make_job, register
+from spacemap_vtk.jobs.measure import MeasureJob
 from spacemap_vtk.jobs.moving_surface import ModesJob, MovingJob
 from spacemap_vtk.jobs.picture import PictureJob
 from spacemap_vtk.jobs.plan import PlanJob
@@ -23,6 +24,7 @@ __all__ = [
     "FigureJob",
     "FilmJob",
     "Job",
+    "MeasureJob",
     "ModesJob",
     "MovingJob",
     "PictureJob",

@@ -13,7 +13,7 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.scenes.report import describe_motion
 from spacemap_vtk.textile.weave.cloth import FAMILIES
-from spacemap_vtk.units import UNITS, format_quantity
+from spacemap_vtk.units import UNITS, format_quantity, format_vector, format_with_error
 
 #: Text for a figure that is not available; a warning explains why.
 UNKNOWN = "–"
@@ -65,6 +65,8 @@ class Figure(NamedTuple):
     #: Value for tables, in SI; for "%" a share; None if it is not a number or unknown.
     value: float | None = None
     unit: str = ""
+    #: Error that is due to the cage's cells, as `value`; None if it is unknown.
+    error: float | None = None
 
     @property
     def heading(self) -> str:
@@ -143,7 +145,7 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     ]
     if swing := figures.get("motion"):
         found.append(Figure("motion", "motion", describe_motion(swing)))
-    return [*found, *contact_figures(figures)]
+    return [*found, *reaction_figures(figures), *contact_figures(figures)]
 
 
 def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
@@ -224,16 +226,36 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
     if hung is None:
         return []
     sag, drape = hung["sag"], hung["drape_coefficient"]
-    text = format_quantity(sag, "m", 4)
-    found = [Figure("sag", "sag", text, sag, "m")]
+    text = format_with_error(sag, hung["sag_error"], "m")
+    found = [Figure("sag", "sag", text, sag, "m", hung["sag_error"])]
     if hung["shadow_area"] is not None:
-        share = hung["shadow_area"] / hung["cloth_area"]
-        found.append(Figure("shadow", "shadow", f"{share:.1%} of the cloth", share, "%"))
+        cloth, error = hung["cloth_area"], hung["shadow_area_error"]
+        share, error = hung["shadow_area"] / cloth, None if error is None else error / cloth
+        text = f"{_format_share(share, error)} of the cloth"
+        found.append(Figure("shadow", "shadow", text, share, "%", error))
     if drape is not None:
-        text = f"{drape:.1%} (Cusick)"
-        if (error := hung["drape_coefficient_error"]) is not None:
-            text = f"{drape:.1%} ± {error:.1%} (Cusick)"
-        found.append(Figure("drape_coefficient", "drape coefficient", text, drape, "%"))
+        error = hung["drape_coefficient_error"]
+        text = f"{_format_share(drape, error)} (Cusick)"
+        found.append(Figure("drape_coefficient", "drape coefficient", text, drape, "%", error))
+    return found
+
+
+def _format_share(share: float, error: float | None) -> str:
+    return f"{share:.1%}" if error is None else f"{share:.1%} ± {error:.1%}"
+
+
+def reaction_figures(figures: dict[str, Any]) -> list[Figure]:
+    """Return the figures of what holds a cage at rest, from those of `report`."""
+    found = []
+    for number, each in enumerate(figures.get("reactions", [])):
+        size = math.hypot(*each["force"])
+        force = format_vector(each["force"], "N")
+        # An arm of a nanometre is rounding.
+        moment = format_vector(each["moment"], "N.m", rounding=1e-9 * size)
+        point = format_vector(each["point"], "m", rounding=1e-9)
+        name = f"{each['kind']} {each['name']}".strip()
+        text = f"{force}, moment {moment} about {point}"
+        found.append(Figure(f"reaction_{number}", f"reaction of {name}", text, size, "N"))
     return found
 
 
@@ -242,24 +264,30 @@ def contact_figures(figures: dict[str, Any]) -> list[Figure]:
     found = []
     contact, path = figures.get("contact", []), figures.get("path")
     for each in contact:
-        number, force = each["obstacle"], each["force"]
+        number, force, error = each["obstacle"], each["force"], each.get("force_error")
         text = (
-            f"{format_quantity(force, 'N', 4)}, {each['points']} points, "
+            f"{format_with_error(force, error, 'N')}, {each['points']} points, "
             f"{each['sliding']} of them at the limit of friction, "
             f"up to {format_quantity(each['penetration'], 'm', 2)} deep"
         )
         if not each["points"]:
             text = "none, nothing touches it"
-        found.append(Figure(f"contact_{number}", f"force on obstacle {number}", text, force, "N"))
+        found.append(
+            Figure(f"contact_{number}", f"force on obstacle {number}", text, force, "N", error)
+        )
     sticking = sum(each["points"] - each["sliding"] for each in contact)
     if sticking:
         text = f"{sticking} points stick where they first touched; another path may end elsewhere"
         found.append(Figure("contact_path", "friction", text, sticking))
     if path is not None:
         text = f"from {path['start'] or 'the undeformed cage'}"
-        if moved := ", ".join(map(str, path["moved"])):
-            plural = "s" * (len(path["moved"]) > 1)
-            text += f", with obstacle{plural} {moved} moved through {path['states']} states"
+        bodies = []
+        for noun, numbers in (("obstacle", path["moved"]), ("grip", path["moved_grips"])):
+            if numbers:
+                plural = "s" * (len(numbers) > 1)
+                bodies.append(f"{noun}{plural} {', '.join(map(str, numbers))}")
+        if bodies:
+            text += f", with {' and '.join(bodies)} moved through {path['states']} states"
         found.append(Figure("path", "path", text, path["states"]))
     return found
 

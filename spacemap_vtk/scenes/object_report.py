@@ -17,6 +17,7 @@ from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.valid_ranges import collect_findings
 
 #: Class with the names of cell types; it was replaced in VTK 9.6.
 _NAMES: Any = getattr(vtkCommonDataModel, "vtkCellTypeUtilities", vtkCommonDataModel.vtkCellTypes)
@@ -58,6 +59,7 @@ def report_object(scene: Scene) -> dict[str, Any]:
         if made is None:
             times = stage.time_steps([])
             figures |= {"steps": len(times), "time_range": [times[0], times[-1]]}
+    figures["applicability"] = [finding.as_json() for finding in collect_findings(scene)]
     figures["warnings"] = scene.warnings
     return figures
 

@@ -9,25 +9,34 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.applicability import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
-from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_section_to_errors
+from spacemap_vtk.datasets.reactions import reactions_of
+from spacemap_vtk.errors import (
+    GeometryError,
+    InputError,
+    SolverError,
+    SpacemapError,
+    add_section_to_errors,
+)
+from spacemap_vtk.filters.error_estimates import estimate_errors
 from spacemap_vtk.filters.modal_response import ModalResponse
-from spacemap_vtk.filters.modal_solver import ModalSolver, load_or_solve_equilibrium
+from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.contact.opening import resting_contacts
-from spacemap_vtk.mechanics.elements.kinematics import LARGE_ROTATION, TRUSTED_ROTATION
 from spacemap_vtk.mechanics.elements.plates import DataSheet
 from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
-from spacemap_vtk.mechanics.modal.coarsening import coarsen
 from spacemap_vtk.mechanics.modal.damping import Damping, HasDamping
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.resolution import describe_unresolved_modes, mode_errors
 from spacemap_vtk.mechanics.response.linear_range import measure_extremes
 from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.figure_errors import add_errors, describe_unconverged
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.valid_ranges import collect_findings
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.geometry.weave import build_weave, count_patches
 from spacemap_vtk.textile.geometry.yarn_clearance import (
@@ -52,8 +61,6 @@ FEWEST = 13
 LOOKED_AT = 120_000
 #: Most cells of a cage whose motion is reported.
 MANY_CELLS = 20_000
-#: Share by which a drape coefficient may change, in cells twice as wide, without a warning.
-DRAPE_TOLERANCE = 0.1
 #: Cosine of the largest slope of a cloth that is draped over a disc.
 COSINE_OF_LEVEL = 0.999
 #: Figures of a fabric, and of its warp or weft, that are unknown if the yarns do not fit.
@@ -77,8 +84,29 @@ _NO_YARN_FIGURES = dict.fromkeys(
 )
 
 
-def report_modes(scene: Scene) -> dict[str, Any]:
-    """Return the modes of a scene's cage."""
+def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
+    """Return the modes of a scene's cage.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a solver; it is updated.
+    errors : bool, optional
+        Whether to estimate the error of each figure by a second solution on a coarser cage, see
+        `spacemap_vtk.filters.error_estimates.estimate_errors`. None: unless that cage takes long
+        to make.
+
+    Returns
+    -------
+    dict
+        Figures by name. ``error`` of a mode is relative; other errors have the unit of their
+        figure. An error is None if it is not estimated; ``errors_missing`` then says why.
+
+    Raises
+    ------
+    InputError
+        If the scene has no modes.
+    """
     solver, mover = scene.stage("solver"), scene.stage("mover")
     if solver is None:
         missing, cure = "a motion from a file", "Replace [motion] by [modal]."
@@ -106,18 +134,28 @@ def report_modes(scene: Scene) -> dict[str, Any]:
         "opening_amplitude": _opening_amplitudes(cage),
     }
     rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-    if unresolved := describe_unresolved_modes(
-        list(mode_errors(cage.model, eigenvalues, cage.shapes))
-    ):
-        scene.warn(f"{unresolved}; increase cage.divisions")
-    hanging = _report_equilibrium(scene.modal, cage.model)
-    if hanging is not None and (error := hanging["drape_coefficient_error"]) is not None:
-        found = hanging["drape_coefficient"]
-        if error > DRAPE_TOLERANCE * found:
-            scene.warn(
-                f"the drape coefficient still depends on the cage's cells: {found:.1%} changes by "
-                f"{error:.1%} with cells twice as wide; increase cage.divisions"
-            )
+    figures = {
+        "modes": [dict(zip(columns, row, strict=True)) for row in rows],
+        **_report_state(scene.modal, cage.model),
+    }
+    missing = "a second solution would take long" if errors is None else "none were asked for"
+    estimates = coarse = None
+    if errors or (errors is None and scene.cage.method != "tetwild"):
+        try:
+            estimates, missing = estimate_errors(scene.modal), ""
+            coarse = _report_state(estimates.coarse_solver, estimates.coarse_modes.model)
+        except (InputError, SolverError) as error:
+            missing = error.message
+            if isinstance(error, SolverError):
+                scene.warn(f"how far the figures depend on the cage's cells is unknown: {missing}")
+    add_errors(figures, coarse, estimates)
+    if estimates is not None:
+        doubts = describe_unconverged(figures, scene.cage)
+    else:
+        doubts = describe_unresolved_modes(list(mode_errors(cage.model, eigenvalues, cage.shapes)))
+        doubts += "; increase cage.divisions" * bool(doubts)
+    if doubts:
+        scene.warn(doubts)
     return {
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
@@ -127,11 +165,20 @@ def report_modes(scene: Scene) -> dict[str, Any]:
         "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
         "beta": damping.beta,
-        "hung": hanging,
-        "contact": report_obstacles(grid),
+        **figures,
         "path": report_path(scene.modal),
-        "modes": [dict(zip(columns, row, strict=True)) for row in rows],
+        "errors_missing": missing or None,
+        "applicability": [finding.as_json() for finding in collect_findings(scene)],
         "warnings": scene.warnings,
+    }
+
+
+def _report_state(solver: ModalSolver, model: Model) -> dict[str, Any]:
+    """Return the figures of a solver's equilibrium whose errors can be estimated."""
+    return {
+        "hung": _report_equilibrium(solver, model),
+        "contact": report_obstacles(solver.output),
+        "reactions": report_reactions(solver.output),
     }
 
 
@@ -161,15 +208,29 @@ def report_obstacles(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
     ]
 
 
+def report_reactions(grid: vtkUnstructuredGrid) -> list[dict[str, Any]]:
+    """Return force [N] and moment [N m] on a cage at rest of each body that holds it."""
+    return [
+        {
+            "kind": found.kind,
+            "name": found.name,
+            "force": found.force.tolist(),
+            "moment": found.moment.tolist(),
+            "point": found.about.tolist(),
+        }
+        for found in reactions_of(grid)
+    ]
+
+
 def report_path(solver: ModalSolver) -> dict[str, Any] | None:
-    """Return how the equilibrium on obstacles was reached; None if there is none."""
-    if not solver.is_hung or not (solver.obstacles or solver.start):
+    """Return how the equilibrium on obstacles and in grips was reached; None without these."""
+    if not solver.is_hung or not (solver.obstacles or solver.grips or solver.start):
         return None
-    lines = max((len(obstacle.path or ()) for obstacle in solver.obstacles), default=0)
     return {
         "start": None if solver.start is None else solver.start.name,
         "moved": [n for n, obstacle in enumerate(solver.obstacles) if obstacle.path],
-        "states": 1 + lines * solver.path_steps,
+        "moved_grips": [n for n, grip in enumerate(solver.grips) if grip.path or grip.turns],
+        "states": 1 + solver.path_lines * solver.path_steps,
     }
 
 
@@ -261,7 +322,6 @@ def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | N
         "shadow_area": None,
         "cloth_area": None,
         "drape_coefficient": None,
-        "drape_coefficient_error": None,
     }
     if model.pencil.surface is None:
         return figures
@@ -269,29 +329,7 @@ def _report_equilibrium(solver: ModalSolver, model: Model) -> dict[str, Any] | N
     figures |= {"shadow_area": cast, "cloth_area": area}
     if disc is None:
         return figures
-    found = figures["drape_coefficient"] = drape_coefficient(cast, area, disc)
-    fewer = None if solver.dead_loads else coarsen(model)
-    if fewer is None:
-        return figures
-    # What changes in cells twice as wide still depends on the cells.
-    weight = fewer.nodal_mass[:, None] * gravity
-    try:
-        moved, *_ = load_or_solve_equilibrium(fewer, weight.ravel(), lambda share: None)
-    except SpacemapError:  # for example if no vertex remains that is held: all of it is in doubt
-        figures["drape_coefficient_error"] = found
-        return figures
-    assert fewer.plate is not None
-    draped = Model(
-        fewer.points,
-        fewer.cells,
-        fewer.plate,
-        fewer.density,
-        ~fewer.free.reshape(-1, 3),
-        fewer.lumped,
-        moved,
-    )
-    other = _shadow_areas(solver, draped, down)
-    figures["drape_coefficient_error"] = abs(drape_coefficient(other[0], area, disc) - found)
+    figures["drape_coefficient"] = drape_coefficient(cast, area, disc)
     return figures
 
 
@@ -338,8 +376,10 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
             figures |= report_sheet(solver.sheet_figures(made.output))
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
-                if solver.obstacles:
+                if solver.is_hung:
                     scene.update_stage(solver)
+                    figures["reactions"] = report_reactions(solver.output)
+                if solver.obstacles or solver.grips:
                     figures["contact"] = report_obstacles(solver.output)
                     figures["path"] = report_path(solver)
     for _ in add_clearance(scene, figures):
@@ -353,6 +393,8 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
         figures["deformed_clearance"] = _report_clearance(
             measure_clearance(build_weave(woven.cloth), moved)
         )
+    findings = collect_findings(scene, figures.get("motion"))
+    figures["applicability"] = [finding.as_json() for finding in findings]
     figures["warnings"] = scene.warnings
     return figures
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk import extensions
+from spacemap_vtk.applicability import add_warning
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import (
     GeometryError,
@@ -94,7 +95,8 @@ class Scene:
         self.title = file.stem if file else ""
         #: Irregularity of the yarns that `data` returns; `irregular_data` sets it.
         self.irregularity_of_data: Irregularity | None = None
-        self._warnings: dict[str, None] = {}
+        #: By what they are about, see `spacemap_vtk.applicability.key_of_warning`.
+        self._warnings: dict[str, str] = {}
         #: Sections and keys that `assign` has changed; errors about them must not name the file.
         self.assigned: set[tuple[str | None, str | None]] = set()
         #: The scene's sections; `assign` adds more.
@@ -228,7 +230,7 @@ class Scene:
     @property
     def warnings(self) -> list[str]:
         """Warnings of all updates so far, each sentence once."""
-        return list(self._warnings)
+        return list(self._warnings.values())
 
     def set(self, assignment: str) -> None:
         """Change a value as ``--set`` does.
@@ -334,7 +336,7 @@ class Scene:
             self._check_color()
             stage.update(time, piece)
         for run in self.stages:
-            self._warnings |= dict.fromkeys(run.warnings)
+            self._add_warnings(run.warnings)
 
     def check(self) -> None:
         """Check what can be checked without running anything.
@@ -414,7 +416,7 @@ class Scene:
         with self.add_file_to_errors(), add_section_to_errors(self.source.section):
             try:
                 woven.cloth.check()
-                self._warnings |= dict.fromkeys(woven.cloth.warnings)
+                self._add_warnings(woven.cloth.warnings)
             except GeometryError as error:
                 found = error
             else:
@@ -438,7 +440,11 @@ class Scene:
         text : str
             One sentence.
         """
-        self._warnings[text] = None
+        self._add_warnings([text])
+
+    def _add_warnings(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            add_warning(self._warnings, text)
 
     @property
     def patches(self) -> vtkPointSet:
@@ -472,7 +478,7 @@ class Scene:
                     f"{self.title}: the scene is not woven and has no draft",
                     cure="Open a draft, or a scene with a section [weave].",
                 )
-            self._warnings |= dict.fromkeys(draft.warnings)
+            self._add_warnings(draft.warnings)
             return draft
 
     def data(self, kind: str) -> Any:

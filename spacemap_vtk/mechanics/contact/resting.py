@@ -144,13 +144,15 @@ def settle_model(
     *,
     near: bool = False,
     released: Floats | None = None,
+    gripped: Floats | None = None,
     progress: Progress | None = None,
 ) -> Resting:
     """Find the equilibrium of a body under dead loads on obstacles with friction of their own."""
     # `contacts` replaces the model's own terms of obstacles and of friction between layers. The
     # search begins from the displacement `guess` (V, 3); `near` tells that it is a balance under
     # loads, or on obstacles, that differ little. Without a guess the body falls from the
-    # displacement `released`, by default from the undeformed state.
+    # displacement `released`, by default from the undeformed state. From a guess, the vertices that
+    # grips hold are first moved by `gripped` (V, 3).
     # This imports scipy's solvers, which results from disk do not need.
     from spacemap_vtk.mechanics.contact.settle import settle
 
@@ -180,6 +182,7 @@ def settle_model(
             guess=None if guess is None else to_positions(guess),
             near=near,
             released=None if released is None else to_positions(released),
+            gripped=gripped if gripped is None or surface is None else surface.to_nodes(gripped),
             progress=progress,
             steps=_LOOSE_STEPS if is_loose else _STEPS,
         )

@@ -18,7 +18,12 @@ from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.contact.layer_friction import LayerFriction
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm, stiffen
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
-from spacemap_vtk.mechanics.equilibrium.newton import MAX_RESIDUAL, MAX_UNRESISTED, load_in_shares
+from spacemap_vtk.mechanics.equilibrium.newton import (
+    MAX_RESIDUAL,
+    MAX_UNRESISTED,
+    guess_moves,
+    load_in_shares,
+)
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.ndarrays import Bools, Floats, Progress
@@ -84,6 +89,7 @@ def settle(
     guess: Floats | None = None,
     near: bool = False,
     released: Floats | None = None,
+    gripped: Floats | None = None,
     progress: Progress | None = None,
     steps: int = 2400,
 ) -> Settled:
@@ -91,8 +97,8 @@ def settle(
     # `mass` (N,) is that of each free coordinate, `translate` (V,) tells which nodes are positions.
     # From a guess of the positions, (V, 3), the springs have their full stiffness at once; `near`
     # tells that it is a balance under loads that differ little. Without a guess, the body falls
-    # from the positions `released`, by default the undeformed ones. For the other arguments see
-    # `find_equilibrium`.
+    # from the positions `released`, by default the undeformed ones. From a guess, held nodes are
+    # first moved by `gripped` (V, 3). For the other arguments see `find_equilibrium`.
     given = list(contacts)
     every = [*loads, *terms, *given, *layers]
     with blas_threads.use_one_thread():
@@ -118,6 +124,9 @@ def settle(
             z = fall(current, z, forces[translate].sum(axis=0), translate, size)
         current = [t.advance_friction(z) if t.friction is None else t for t in current]
         held = [t.advance_friction(z) if t.hold is None else t for t in layers]
+        if gripped is not None:
+            system.terms = [*loads, *terms, *current, *held]
+            z = _move_held(system, z, gripped)
         for share in decades:
             current = [
                 stiffen(term, share * whole.stiffness, z)
@@ -130,6 +139,15 @@ def settle(
     if progress is not None:
         progress(1.0)
     return Settled(z, current, held, system.steps)
+
+
+def _move_held(system: ReducedSystem, z: Floats, gripped: Floats) -> Floats:
+    """Move held nodes, and the others with them as the tangent says if that is possible."""
+    system.follow(z)
+    for move in guess_moves(system, system.evaluate(z), gripped):
+        if system.largest_step(z, move) >= 1.0:
+            return z + move
+    raise SolverError("the grips move too far at once", cure="Divide their path into more steps")
 
 
 def fall(

@@ -20,15 +20,7 @@ _FLAT = 1e-9
 def count_inverted(
     points: Floats, displacement: Floats, cells: Ints, surface: MidSurface | None = None
 ) -> int:
-    """Count the elements that a displacement (V, 3) turns inside out."""
-    before, after = (_handedness(at, cells, surface) for at in (points, points + displacement))
-    return int(np.count_nonzero(after / before < -_FLAT))
-
-
-def inversion_warning(
-    points: Floats, displacement: Floats, cells: Ints, surface: MidSurface | None = None
-) -> str:
-    """Compose a warning of elements that are turned inside out; empty if there are none.
+    """Count the elements that a displacement turns inside out.
 
     Parameters
     ----------
@@ -43,27 +35,17 @@ def inversion_warning(
 
     Returns
     -------
-    str
-        Warning with the number of elements.
+    int
+        Number of tetrahedra, or of quadrilaterals of a sheet.
 
     Examples
     --------
     >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    >>> inversion_warning(corners, -2 * corners, np.array([[0, 1, 2, 3]])).split(",")[0]
-    '1 of 1 tetrahedra are turned inside out'
+    >>> count_inverted(corners, -2 * corners, np.array([[0, 1, 2, 3]]))
+    1
     """
-    count = count_inverted(points, displacement, cells, surface)
-    if not count:
-        return ""
-    total, kind = (
-        (len(cells), "tetrahedra")
-        if surface is None
-        else (len(surface.quads), "cells of the sheet")
-    )
-    return (
-        f"{count} of {total} {kind} are turned inside out, and so is the object inside them; lower "
-        "the loads or make the cage stiffer"
-    )
+    before, after = (_handedness(at, cells, surface) for at in (points, points + displacement))
+    return int(np.count_nonzero(after / before < -_FLAT))
 
 
 def _handedness(points: Floats, cells: Ints, surface: MidSurface | None) -> Floats:

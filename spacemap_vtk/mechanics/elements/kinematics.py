@@ -13,16 +13,6 @@ from spacemap_vtk.mechanics.elements.tetrahedra import EDGES, shape_slopes
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import blocks
 
-#: Rotations beyond this angle [rad] are reported: at 20 degrees a line is stretched by 6 %.
-LARGE_ROTATION = np.radians(20.0)
-
-#: Largest rotation [rad] up to which the shapes of
-#: `spacemap_vtk.mechanics.response.rotation_coordinates` are accurate. A linear motion responds too
-#: strongly to its loads where the cage turns, and the correction cannot repair that: the shape of a
-#: clamped strip under a load at its end or along it is wrong by 1 % of its length if it turns by
-#: 20°, 5 % at 37°, 13 % at 57°, 51 % at 115°, for either load.
-TRUSTED_ROTATION = np.radians(35.0)
-
 
 class MeanGradient:
     """Mean gradient of displacement fields in each tetrahedron."""

@@ -15,6 +15,7 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT
 from spacemap_vtk.mechanics.elements.materials import check_limits
+from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw
 from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.units import GRAVITY
 
@@ -51,6 +52,9 @@ class Plate:
     #: Whether the stiffness depends on the thickness at each vertex, as that of a solid does; the
     #: measured stiffness of a sheet is the same everywhere.
     follows_thickness: bool = False
+    #: Law of the membrane for finite strains; None if the stress is `membrane` times Green's
+    #: strain. The undeformed sheet vibrates with `membrane` in any case.
+    law: MembraneLaw | None = None
 
 
 class DataSheet(NamedTuple):
@@ -253,7 +257,19 @@ def keep_normals_upright(plate: Plate, cell: float) -> Plate:
 
 
 def strip_stiffness(stiffness: Floats) -> tuple[float, float]:
-    """Compute the stiffness of strips with free sides along warp and weft from a (3, 3) matrix."""
+    """Compute the stiffness of strips with free sides along warp and weft.
+
+    Parameters
+    ----------
+    stiffness : ndarray of float64, shape (3, 3)
+        Membrane or bending stiffness of a `Plate`.
+
+    Returns
+    -------
+    tuple of 2 float
+        Force per width over strain [N/m], or moment per width over curvature [N m], of a strip
+        along the warp and one along the weft.
+    """
     weft, warp = 1 / np.diag(np.linalg.inv(stiffness))[:2]
     return float(warp), float(weft)
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from spacemap_vtk.cage.lattice import SPLIT, TETRAHEDRA_PER_CELL
 from spacemap_vtk.mechanics.boundary.supports import free_motions
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT, Assembly
+from spacemap_vtk.mechanics.elements.law_strains import LawStrains
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.strains import Strains, product_form, share_forms
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
@@ -193,9 +194,14 @@ def find_hexahedra(cells: Ints) -> Ints | None:
 
 
 def sheet_strains(
-    points: Floats, surface: MidSurface, plate: Plate, factors: Floats | None = None
+    points: Floats,
+    surface: MidSurface,
+    plate: Plate,
+    factors: Floats | None = None,
+    modulus: float = 1.0,
 ) -> list[Strains]:
     """Make the strains of a sheet: those of its quadrilaterals, and of its pairs' thickness."""
+    # The stiffnesses of the plate, but not its law, are divided by `modulus` already.
     # They depend on the nodal vectors p and δ of `MidSurface.to_nodes`: membrane 11, 22, 2·12,
     # bending 11, 22, 2·12 and shear 1, 2 at four points of each quadrilateral. Axis 1 lies in the
     # sheet and follows the normal cyclically: it is x for a sheet across z.
@@ -248,8 +254,12 @@ def sheet_strains(
     corners = _local_axes(z, _CORNERS, surface.normal)[1] * stiff * taper
     share = np.bincount(surface.quads.ravel(), corners.ravel(), count)
     thick = (scale**2).reshape(-1, 1, 1, 1, 1)
+    quads = _strains_from(nodes, forms, weights[..., None] * stiffness, nodal)
+    if plate.law is not None:
+        parts = quads.nodes, quads.forms, quads.reference, quads.stiffness
+        quads = LawStrains(*parts, law=plate.law, weights=weights[..., 0] / modulus)
     return [
-        _strains_from(nodes, forms, weights[..., None] * stiffness, nodal),
+        quads,
         _strains_from(rows, thick, plate.thickness * share.reshape(-1, 1, 1, 1), nodal),
     ]
 
@@ -322,7 +332,8 @@ def mid_surface_strains(
     strains: list[Strains], positions: Floats, moved: Floats, surface: MidSurface, plate: Plate
 ) -> tuple[Floats, Floats]:
     """Compute strain and force per width [N/m] in the middle of each quadrilateral, (E, 6) both."""
-    # Both are linear in the move of p and δ. Components are xx, yy, zz, yz, zx, xy of the cage.
+    # Both are linear in the move of p and δ, unless the sheet has a law. Components are xx, yy, zz,
+    # yz, zx, xy of the cage.
     found = []
     for part in strains:
         strain, gradients = part.strains_and_gradients(positions)
@@ -336,7 +347,8 @@ def mid_surface_strains(
     across = [VOIGT[one, normal], VOIGT[two, normal]]
     strain, force = np.empty((2, len(mean), 6))
     strain[:, plane], strain[:, across], strain[:, normal] = mean[:, :3], mean[:, 6:], thick
-    force[:, plane] = mean[:, :3] @ plate.membrane
+    linear = mean[:, :3] @ plate.membrane
+    force[:, plane] = linear if plate.law is None else plate.law.stress(mean[:, :3])
     force[:, across] = mean[:, 6:] @ plate.shear
     force[:, normal] = plate.thickness * thick
     return strain, force

@@ -9,14 +9,16 @@ with a constant symmetric form b. Energy, forces and their exact tangent are the
     W = ½ Σ ε C ε      f = Σ_s σ_s b_s z,  σ = C ε      K = Gᵀ C G + Σ_s σ_s b_s ⊗ I,  G_s = b_s z
 
 At zero strain the second part of K, the geometric stiffness, is zero, and K is the linear
-stiffness. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a; the strains of a sheet
-are in `spacemap_vtk.mechanics.elements.shell`.
+stiffness. The stress may also be a nonlinear function of the strain (`respond`); C is then its
+derivative, and W is not ½ ε C ε. Tetrahedra have Green's strain E = ½ (FᵀF - I), F = Σ x_a ⊗ ∇N_a;
+the strains of a sheet are in `spacemap_vtk.mechanics.elements.shell`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +49,17 @@ MAX_ROTATION = 0.5
 _MIN_ROTATION = float(np.finfo(np.float64).tiny)
 
 
+class StrainResponse(NamedTuple):
+    """Response of elements of one kind to their strains; quadrature weights are included."""
+
+    energy: float
+    """W [J]."""
+    stress: Floats
+    """σ = ∂W/∂ε, (E, Q, s)."""
+    moduli: Floats
+    """C = ∂σ/∂ε, (E, Q, s, s)."""
+
+
 @dataclass(frozen=True, eq=False)
 class Strains(EnergyTerm):
     """Strains of elements of one kind at their quadrature points, and their energy."""
@@ -58,7 +71,7 @@ class Strains(EnergyTerm):
     forms: Floats
     #: (E, Q, s) ε⁰, which makes the strains of the undeformed shape zero.
     reference: Floats
-    #: (E, Q, s, s) Elasticity C, multiplied by the quadrature weights.
+    #: (E, Q, s, s) Elasticity C at rest, multiplied by the quadrature weights.
     stiffness: Floats
     #: (3, n) Node weights of three vectors whose handedness changes if an element is inside out.
     frame: Floats | None = field(default=None, kw_only=True)
@@ -96,18 +109,26 @@ class Strains(EnergyTerm):
         return found.reshape(elements, *self.forms.shape[1:4], 3)
 
     def energy(self, positions: Floats) -> float:
-        """Compute W = ½ Σ εᵀ C ε [J]."""
-        strain = self.strains_and_gradients(positions)[0]
-        return 0.5 * float(np.vdot(strain, self.stresses(strain)))
+        """Compute W [J]."""
+        return self.respond(self.strains_and_gradients(positions)[0]).energy
 
     def forces(self, positions: Floats) -> Floats:
         """Compute ∂W/∂z, (V, 3): the forces that hold the shape [N]."""
         strain, gradients = self.strains_and_gradients(positions)
-        return self.sum_forces(self.stresses(strain), gradients, len(positions))
+        return self.sum_forces(self.respond(strain).stress, gradients, len(positions))
+
+    def respond(self, strain: Floats) -> StrainResponse:
+        """Compute energy, stress and moduli at strains (E, Q, s): here W = ½ Σ εᵀ C ε."""
+        stress = self.stresses(strain)
+        return StrainResponse(0.5 * float(np.vdot(strain, stress)), stress, self.stiffness)
 
     def stresses(self, strain: Floats) -> Floats:
-        """Compute C ε of strains (E, Q, s), quadrature weights included."""
+        """Compute C ε of strains (E, Q, s) with C at rest, quadrature weights included."""
         return (self.stiffness @ strain[..., None])[..., 0]
+
+    def definite_moduli(self, moduli: Floats) -> Floats:
+        """Replace moduli by those without negative eigenvalues; C at rest has none."""
+        return moduli
 
     def sum_forces(self, stress: Floats, gradients: Floats, count: int) -> Floats:
         """Sum σ_s G_s over the strains at each of `count` nodes, (count, 3)."""
@@ -118,7 +139,10 @@ class Strains(EnergyTerm):
     def tangent(self, positions: Floats) -> Floats:
         """Compute ∂²W/∂z² of each element [N/m], (E, 3 n, 3 n), node by node."""
         strain, gradients = self.strains_and_gradients(positions)
-        return self.tangent_with_stress(self.stresses(strain), gradients)
+        found = self.respond(strain)
+        return self.tangent_with_stress(
+            found.stress, gradients, stress_changes(found.moduli, gradients)
+        )
 
     def remove_compression(self, stress: Floats) -> Floats:
         """Keep only the stresses, (E, Q, s), with which K is positive definite at any shape."""
@@ -150,16 +174,12 @@ class Strains(EnergyTerm):
         squares = np.where(self._can_stabilise, self.second_order_strains(move)[0], 0.0)
         return MAX_ROTATION / max(_MIN_ROTATION, float(np.sqrt(2 * squares.max(initial=0.0))))
 
-    def tangent_with_stress(
-        self, stress: Floats, gradients: Floats, others: Floats | None = None
-    ) -> Floats:
-        """Compute Gᵀ C G + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
-        # `others` replaces the second G, if the stress changes by other strains than G Δz.
-        elements, points, count, nodes, _ = gradients.shape
-        flat = gradients.reshape(elements, points, count, 3 * nodes)
-        right = flat if others is None else others.reshape(flat.shape)
-        pulled = (self.stiffness @ right).reshape(elements, -1, 3 * nodes)
-        result = flat.reshape(elements, -1, 3 * nodes).swapaxes(1, 2) @ pulled
+    def tangent_with_stress(self, stress: Floats, gradients: Floats, changes: Floats) -> Floats:
+        """Compute Gᵀ ∂σ/∂z + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
+        # `changes` is ∂σ/∂z, (E, Q, s, n, 3); the stress may change by other strains than G Δz.
+        elements, _, _, nodes, _ = gradients.shape
+        flat = gradients.reshape(elements, -1, 3 * nodes)
+        result = flat.swapaxes(1, 2) @ changes.reshape(flat.shape)
         pull = self._sum_forms(stress)
         blocks = result.reshape(elements, nodes, 3, nodes, 3)
         for axis in range(3):
@@ -171,13 +191,13 @@ class Strains(EnergyTerm):
         # If K is a sum of large forces that cancel, as for a thin sheet that bends, this sum keeps
         # more digits.
         strain, gradients = self.strains_and_gradients(positions)
-        stress = self.stresses(strain)
+        _, stress, moduli = self.respond(strain)
         elements, nodes = self.nodes.shape
         moved = fields[:, self.nodes]
         rows = moved.reshape(len(fields), elements, 3 * nodes).transpose(1, 2, 0)
         strained = gradients.reshape(elements, -1, 3 * nodes) @ rows
         strained = strained.reshape(*self.reference.shape, len(fields))
-        left, right = (self.stiffness @ strained), strained
+        left, right = (moduli @ strained), strained
         total = left.reshape(-1, len(fields)).T @ right.reshape(-1, len(fields))
         if stress.any():
             pull = self._sum_forms(stress)
@@ -216,36 +236,54 @@ class StrainState(TermState):
         self.kind = kind
         #: Strains ε, (E, Q, s), and gradients G, (E, Q, s, n, 3).
         self.strain, self.gradients = kind.strains_and_gradients(positions)
-        #: Stresses C ε, (E, Q, s).
-        self.stress = kind.stresses(self.strain)
+        #: Energy, stresses and moduli.
+        self.response = kind.respond(self.strain)
         self._count = len(positions)
 
-    @cached_property
+    @property
+    def stress(self) -> Floats:
+        """Stresses σ, (E, Q, s)."""
+        return self.response.stress
+
+    @property
     def energy(self) -> float:
-        """Energy ½ Σ ε C ε [J]."""
-        return float(np.vdot(self.strain, self.stress)) / 2
+        """Energy [J]."""
+        return self.response.energy
+
+    @cached_property
+    def definite_moduli(self) -> Floats:
+        """Moduli without negative eigenvalues."""
+        return self.kind.definite_moduli(self.response.moduli)
 
     @cached_property
     def forces(self) -> Floats:
         """Forces Σ σ G [N], (V, 3)."""
         return self.kind.sum_forces(self.stress, self.gradients, self._count)
 
-    def tangent(self, removed: float = 0.0, predicted: Floats | None = None) -> Floats:
+    def tangent(self, removed: float = 0.0, predicted: StrainResponse | None = None) -> Floats:
         """Compute the tangent, with the predicted stress if one is given."""
-        # `removed` is the share of compressive stresses that is removed. If all of it is removed,
-        # the tangent is definite.
-        stress = self.stress if predicted is None else predicted
+        # `removed` is the share of compressive stresses, and of negative moduli, that is removed.
+        # If all of it is removed, the tangent is definite.
+        _, stress, moduli = self.response
+        if predicted is not None and predicted.moduli is not moduli:
+            # The mean of the moduli takes the predicted stress to the one that the forces contain.
+            moduli = 0.5 * (moduli + predicted.moduli)
+        if predicted is not None:
+            stress = predicted.stress
         stress = stress + removed * (self.kind.remove_compression(stress) - stress)
-        return self.kind.tangent_with_stress(stress, self.gradients)
+        if removed and (definite := self.kind.definite_moduli(moduli)) is not moduli:
+            moduli = moduli + removed * (definite - moduli)
+        changes = stress_changes(moduli, self.gradients)
+        return self.kind.tangent_with_stress(stress, self.gradients, changes)
 
-    def predict(self, move: Floats, curve: Floats | None = None) -> Floats:
-        """Compute the stress that balances a linear solution, without that of spurious stretch."""
+    def predict(self, move: Floats, curve: Floats | None = None) -> StrainResponse:
+        """Predict the response to a linear solution, without that to spurious stretch."""
         # Magisano, Leonetti and Garcea, Comput. Methods Appl. Mech. Eng. 313 (2017) 986.
         strain = self.strain + self.kind.strain_changes(self.gradients, move)
         if curve is not None:
             strain = strain + self.kind.second_order_strains(move)[0]
             strain = strain + self.kind.strain_changes(self.gradients, curve)
-        return self.kind.stresses(strain)
+        return self.kind.respond(strain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,6 +311,13 @@ class BaseSprings(Strains):
             self.nodes, self.forms, self.reference, self.stiffness / size, self.weights
         )
         return scaled.tangent(np.zeros((self.nodes.max(initial=0) + 1, 3)))
+
+
+def stress_changes(moduli: Floats, gradients: Floats) -> Floats:
+    """Compute C G, the change of stress with the positions, (E, Q, s, n, 3)."""
+    elements, points, count, nodes, _ = gradients.shape
+    flat = gradients.reshape(elements, points, count, 3 * nodes)
+    return (moduli @ flat).reshape(gradients.shape)
 
 
 def springs_to_base(points: Floats, nodes: Ints, weights: Floats, stiffness: Floats) -> BaseSprings:

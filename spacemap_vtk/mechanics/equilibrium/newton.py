@@ -21,16 +21,18 @@ the slope of the energy along it, and no step is longer than a term admits
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
 from spacemap_vtk.errors import InputError, SolverError
-from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState
+from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, sum_at_nodes
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg import blas_threads
+from spacemap_vtk.mechanics.linalg.factors import Solve
 from spacemap_vtk.ndarrays import Floats, Progress
 
 #: A state is in equilibrium if the unbalanced forces are at most this share of the load …
@@ -166,6 +168,55 @@ def _no_equilibrium(steps: int, solved_share: float, critical: float | None) -> 
     )
 
 
+class GripFollower:
+    """Equilibria of a body whose held nodes are moved, each found from the one before."""
+
+    def __init__(self, system: ReducedSystem, loads: int, z: Floats) -> None:
+        #: Nodal vectors (V, 3) of the last equilibrium.
+        self.z = z
+        # The first terms of the system are its loads, of constant size.
+        self._system, self._loads = system, loads
+        self._solve: Solve | None = None
+
+    def move(self, held: Floats, steps: int) -> bool:
+        """Move the held nodes by `held` (V, 3); False if no state is found in so many steps."""
+        system = self._system
+        states = system.evaluate(self.z)
+        for move in guess_moves(system, states, held, self._solve):
+            if system.largest_step(self.z, move) < 1.0:
+                continue
+            predictions = [state.predict(move) for state in states]
+            start = self.z + move
+            search = _Search(system, self._loads, start, 0.0, 1.0, True, predictions)
+            try:
+                found = search.run(system.steps + steps)
+            except SolverError:
+                found = None
+            if found is not None:
+                self.z, self._solve = found[0], search.solve
+                return True
+        return False
+
+
+def guess_moves(
+    system: ReducedSystem, states: list[TermState], held: Floats, solve: Solve | None = None
+) -> Iterator[Floats]:
+    """Guess how all nodes move with held ones, (V, 3): by the tangent, then held nodes alone."""
+    total = np.zeros_like(held)
+    for factor, state in zip(system.factors, states, strict=True):
+        nodes, blocks = state.term.nodes, state.tangent()
+        moved = held[nodes].reshape(len(nodes), 3 * nodes.shape[1], 1)
+        pulled = (blocks @ moved).reshape(*nodes.shape, 3)
+        total += factor * sum_at_nodes(nodes, pulled, len(total))
+    try:
+        if solve is None:
+            solve = system.factorise(system.tangent(states))
+        yield held - system.node_moves(solve(system.reduce_forces(total)))
+    except SolverError:
+        pass  # the state is about to buckle
+    yield held
+
+
 class _Search:
     """Search for a stable state under a share of the load, from one under a smaller share."""
 
@@ -177,8 +228,11 @@ class _Search:
         before: float,
         share: float,
         rests: bool = True,
+        predictions: list[Any] | None = None,
     ) -> None:
         self._system, self._start, self._before, self._share = system, start, before, share
+        #: Whether grips have moved, so that the forces that hold them are loads, too.
+        self._is_gripped = predictions is not None
         #: Whether the start is in equilibrium before this share; it need not be on obstacles.
         self._rests = rests
         #: Number of loads; they are the first terms of the system.
@@ -190,11 +244,13 @@ class _Search:
         self._expected_decrease, self._smallest_decrease, self._stalled_steps = np.inf, np.inf, 0
         self._last_energy = np.inf
         #: Share of the compressive stresses (negative curvature) that the tangent leaves out.
-        self._removed_share = 1.0
+        self._removed_share = 0.0 if self._is_gripped else 1.0
         #: Whether each step has to lower the energy. If not, `_predictions` holds the prediction of
         #: the last step.
         self._must_descend = False
-        self._predictions: list[Any] | None = None
+        self._predictions: list[Any] | None = predictions
+        #: Solver with the exact tangent of the state that was found.
+        self.solve: Solve | None = None
         #: Positions that were evaluated last, and the terms there.
         self._last_evaluation: tuple[Floats, list[TermState]] | None = None
         #: Share of the load at which the direct path becomes unstable.
@@ -213,6 +269,8 @@ class _Search:
                 scale = system.inertia_scale * (MORE_INERTIA if rises else LESS_INERTIA)
                 system.inertia_scale = float(np.clip(scale, LEAST_INERTIA, MOST_INERTIA))
                 self._last_energy = energy
+            if self._is_gripped:
+                load_norm = max(self._load_norm(states), self._held_norm(states, unbalanced))
             load_norm = load_norm or self._load_norm(states) or unbalanced or 1.0
             settled = (
                 unbalanced <= MAX_RESIDUAL * load_norm
@@ -240,6 +298,7 @@ class _Search:
                 if not (found and not self._leave_unstable_state(states, matrix) and settled):
                     continue
             if settled and system.admits(self._z):
+                self.solve = solve
                 return self._z, unbalanced / load_norm
             if settled and self._must_descend:
                 return None
@@ -269,6 +328,13 @@ class _Search:
         """Compute the norm of the loads."""
         forces = np.sum([state.forces for state in states[: self._loads]], axis=0)
         return self._share * float(np.linalg.norm(self._system.reduce_forces(forces)))
+
+    def _held_norm(self, states: list[TermState], unbalanced: float) -> float:
+        """Compute the norm of the forces that hold supports and grips."""
+        total = np.zeros_like(self._start)
+        for factor, state in zip(self._system.factors, states, strict=True):
+            total += factor * state.forces
+        return math.sqrt(max(float(np.vdot(total, total)) - unbalanced**2, 0.0))
 
     def _return_if_astray(self, energy: float, size: float, settled: bool) -> bool:
         """Go back to the state of least energy if the search leads away from it."""
@@ -319,6 +385,7 @@ class _Search:
         straight = self._z - self._start
         if (
             self._rests
+            and not self._is_gripped
             and self.critical is None
             and system.largest_step(self._start, straight) * PROPORTIONAL > 1.0
         ):

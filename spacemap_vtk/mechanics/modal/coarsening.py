@@ -52,7 +52,7 @@ def coarsen(model: Model) -> Model | None:
         points[new[order]] = model.points[old[kept.ravel()]]
         held[new[order]] = ~model.free.reshape(-1, 3)[old[kept.ravel()]]
     if not plate.follows_thickness:
-        plate = Plate(plate.membrane, plate.bending)
+        plate = Plate(plate.membrane, plate.bending, law=plate.law)
     terms = [_coarsen_obstacle(term, points, own) for term in obstacles]
     return Model(points, cells, plate, model.density, held, model.lumped, terms=terms)
 

@@ -24,6 +24,7 @@ from spacemap_vtk.mechanics.elements.elasticity import (
     stiffness_matrix,
 )
 from spacemap_vtk.mechanics.elements.kinematics import strain_products
+from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.elements.shell import (
     assemble_sheet_mass,
@@ -95,9 +96,10 @@ class MeshPencil(Pencil):
         local: bool,
         added: Sequence[EnergyTerm],
         modulus: float,
+        law: MembraneLaw | None = None,
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
-        self.fittings, self._local = fittings, local
+        self.fittings, self._local, self._law, self._modulus = fittings, local, law, modulus
         self.surface = find_mid_surface(points, cells) if len(material) > 1 else None
         #: Terms other than elements and springs.
         self.added = [term.in_model_nodes(self.surface, 1 / modulus) for term in added]
@@ -140,12 +142,24 @@ class MeshPencil(Pencil):
     @cached_property
     def elements(self) -> list[Strains]:
         """Strains of the elements; for a sheet those of its quadrilaterals, then of its pairs."""
+        return self._make_elements(self._law)
+
+    @cached_property
+    def vibrating_elements(self) -> list[Strains]:
+        """The same for vibrations: about the undeformed state, a sheet's law is not used."""
+        # Cloth without tension is just becoming taut. It vibrates with the stiffness of taut yarns.
+        if self._law is None or self._displacement is not None:
+            return self.elements
+        return self._make_elements(None)
+
+    def _make_elements(self, law: MembraneLaw | None) -> list[Strains]:
         factors = self._stiffness_factors
         if self.surface is None:
             return [tetrahedron_strains(self._points, self._cells, self.material[0], factors)]
         membrane, bending, shear, thickness = self.material
-        plate = Plate(membrane, bending, shear, float(thickness), self._local)
-        return sheet_strains(self._points, self.surface, plate, average_over_quads(factors))
+        plate = Plate(membrane, bending, shear, float(thickness), self._local, law)
+        factors = average_over_quads(factors)
+        return sheet_strains(self._points, self.surface, plate, factors, self._modulus)
 
     @cached_property
     def other_terms(self) -> list[EnergyTerm]:
@@ -211,7 +225,7 @@ class MeshPencil(Pencil):
     def full_stiffness(self) -> csr_matrix:
         positions = self.nodes.positions
         if self.surface is not None or self._displacement is not None:
-            found = assemble_tangent(self.elements, positions)
+            found = assemble_tangent(self.vibrating_elements, positions)
         else:
             found = stiffness_matrix(self.assembly, self.material[0])
         if not self.other_terms:
@@ -231,7 +245,8 @@ class MeshPencil(Pencil):
     @cached_property
     def strain_products(self) -> Callable[[Floats], Floats]:  # type: ignore[override]
         if self.surface is not None or self._displacement is not None:
-            return partial(_stiffness_products, self.terms, self.nodes.positions)
+            terms = [*self.vibrating_elements, *self.other_terms]
+            return partial(_stiffness_products, terms, self.nodes.positions)
         solid = self._points, self._cells, self.material[0]
         found = partial(strain_products, *solid, factors=self._stiffness_factors)
         if not self.other_terms:
@@ -309,6 +324,7 @@ def find_or_make_pencil(
     fittings: Fittings,
     local: bool = False,
     added: Sequence[EnergyTerm] = (),
+    law: MembraneLaw | None = None,
 ) -> MeshPencil:
     """Return the pencil of a mesh: the existing one if it is in use, otherwise a new one."""
     material = [_round_digits(part / modulus) for part in parts]
@@ -325,11 +341,12 @@ def find_or_make_pencil(
     where = [] if displacement is None else [displacement]
     fitted = [part for pair in fittings.given.items() for part in pair]
     terms = [part for term in added for part in (term.digest, modulus)]
+    terms += [] if law is None else [law.digest, modulus]
     whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted, *terms)
     found = _pencils.get(whole)
     if found is None:
         form = points, cells, material, ~held.ravel(), lumped, displacement, fittings, local
-        found = _pencils[whole] = MeshPencil(whole, mesh, *form, added, modulus)
+        found = _pencils[whole] = MeshPencil(whole, mesh, *form, added, modulus, law)
     return found
 
 

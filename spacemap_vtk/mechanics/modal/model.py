@@ -127,6 +127,7 @@ class Model:
             ),
             self.plate is not None and self.plate.follows_thickness,
             self.terms,
+            None if self.plate is None else self.plate.law,
         )
 
     @property
@@ -380,6 +381,42 @@ class Model:
         found = find_equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
         moved = found.positions - start
         return (moved if surface is None else surface.to_vertices(moved)), found.critical
+
+    def holding_forces(
+        self, displacement: Floats, forces: Floats, terms: Sequence[EnergyTerm] | None = None
+    ) -> Floats:
+        """Compute the forces by which supports and grips hold the body in an equilibrium.
+
+        Parameters
+        ----------
+        displacement : ndarray of float64, shape (V, 3)
+            Displacement of the vertices from the undeformed shape [m].
+        forces : ndarray of float64, shape (3V,)
+            Dead loads on the vertices [N].
+        terms : sequence of EnergyTerm, optional
+            Terms that replace those of the model: its obstacles, with the friction of the state.
+
+        Returns
+        -------
+        ndarray of float64, shape (V, 3)
+            Forces on the held components [N]: what the terms of the energy need less the loads.
+            Zero on all others.
+        """
+        pencil, surface = self.pencil, self.pencil.surface
+        place = self.points + displacement
+        place = place if surface is None else surface.to_nodes(place)
+        every = pencil.terms
+        if terms is not None:
+            own = every[: len(every) - len(pencil.added)]
+            every = [*own, *(term.in_model_nodes(surface, 1 / self.modulus) for term in terms)]
+        load = forces.reshape(-1, 3) / self.modulus
+        load = load if surface is None else 2 * surface.to_nodes(load)
+        total = np.sum([term.forces(place) for term in every], axis=0) - load
+        # The columns of the basis are orthonormal.
+        basis = pencil.basis
+        total = total - (basis @ (basis.T @ total.ravel())).reshape(-1, 3)
+        result: Floats = total if surface is None else surface.to_vertices(total) / 2
+        return self.modulus * result
 
     def estimate_bytes(self, layers: float) -> int:
         """Estimate the memory that an equilibrium needs.

@@ -1,4 +1,4 @@
-"""How well the cells of a sheet resolve its vibration modes."""
+"""How well the cells of a sheet resolve its vibration modes, and its folds."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
+from spacemap_vtk.mechanics.elements.elasticity import VOIGT
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
@@ -17,6 +19,8 @@ BENDING = 0.117
 STRETCHING = 1 / 24
 #: Estimated error of a mode's frequency above which the mode is reported as unresolved.
 UNRESOLVED = 0.1
+#: A hanging sheet can fold if compression folds at least this share of its area.
+_FOLDING = 0.01
 
 
 def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[float]:
@@ -70,6 +74,48 @@ def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[f
         yield (share * BENDING * curved + (1 - share) * STRETCHING * float(waves)) / float(slopes)
 
 
+def fold_error(model: Model, bending_length: float) -> float:
+    """Estimate the relative error that the cells of a hanging sheet cause where it folds.
+
+    Parameters
+    ----------
+    model : Model
+        Model of a sheet in equilibrium.
+    bending_length : float
+        Smaller bending length c of the sheet under its load [m].
+
+    Returns
+    -------
+    float
+        `BENDING` (h/c)² for cells of width h across the folds, at most 1, as folds are about as
+        wide as a wave of wave number 1/c; 0 if the sheet is not compressed so that it would fold.
+
+    Notes
+    -----
+    Wide cells cannot show the narrow folds that cloth would have: two solutions without them may
+    agree, and both be wrong. They are recognised by compression, which folds would have released: a
+    force per width above D (π/2h)², where a wave of four cells buckles.
+    """
+    surface, plate = model.pencil.surface, model.plate
+    if surface is None or plate is None or model.displacement is None:
+        return 0.0
+    stress = model.strain_and_stress(np.zeros_like(model.points))[1][::TETRAHEDRA_PER_CELL]
+    force = stress * surface.thickness(model.points)[surface.quads].mean(axis=1)[:, None]
+    one, two = (axis for axis in range(3) if axis != surface.normal)
+    x, y, shear = force[:, one], force[:, two], force[:, VOIGT[one, two]]
+    least = (x + y) / 2 - np.hypot((x - y) / 2, shear)
+    # Width of the cells along the direction of the least force.
+    angle = np.arctan2(2 * shear, x - y) / 2 + math.pi / 2
+    rest = surface.to_nodes(model.points)[: len(surface.pairs)]
+    widths = {line.axis: line.width for line in (_Lines(surface.quads, k, rest) for k in (0, 1))}
+    width = np.abs(np.cos(angle)) * widths[one] + np.abs(np.sin(angle)) * widths[two]
+    rigidity = math.sqrt(plate.bending[0, 0] * plate.bending[1, 1])
+    folds = least < -rigidity * (math.pi / (2 * width)) ** 2
+    if folds.mean() < _FOLDING:
+        return 0.0
+    return min(BENDING * (float(width[folds].mean()) / bending_length) ** 2, 1.0)
+
+
 def describe_unresolved_modes(errors: Sequence[float]) -> str:
     """Describe the unresolved modes in a clause; empty if all are resolved.
 
@@ -107,6 +153,8 @@ class _Lines:
         first, last = self._edges.T
         #: Mean length of the edges [m].
         self.width = float(np.linalg.norm(rest[last] - rest[first], axis=1).mean())
+        #: Axis along which the lines run.
+        self.axis = int(np.abs(rest[last] - rest[first]).sum(axis=0).argmax())
         #: Whether each node has a neighbour on both sides.
         self._inner: Bools = np.bincount(self._edges.ravel(), minlength=len(rest)) == 2
 

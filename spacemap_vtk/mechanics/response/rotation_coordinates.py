@@ -175,6 +175,27 @@ class RotationCoordinates:
             turns -= np.average(turns, axis=0, weights=self._weights[::3])
         return float(np.sqrt(np.einsum("ni,ni->n", turns, turns).max()))
 
+    def largest_turned_strain(self, linear: Floats) -> float:
+        """Compute the largest product of rotation and strain of an element.
+
+        Strain and rotation do not commute, and a linear motion does not know their order: the
+        gradients exp(ω) (1 + ε) and exp(ω + ε) differ by up to |ω| |ε|.
+
+        Parameters
+        ----------
+        linear : ndarray of float64, shape (V, 3)
+            Displacement of the linear motion [m].
+
+        Returns
+        -------
+        float
+            Largest product of an angle in rad and a principal strain.
+        """
+        gradients = self._frames_of(self._to_nodes(linear)) @ self._inverse
+        strains = np.linalg.eigvalsh((gradients + gradients.swapaxes(1, 2)) / 2)
+        angles = np.linalg.norm(_axial_vectors(gradients), axis=1)
+        return float((angles * abs(strains).max(axis=1)).max())
+
     def velocity(self, linear: Floats, rate: Floats) -> Floats:
         """Compute the corrected velocity of the vertices.
 

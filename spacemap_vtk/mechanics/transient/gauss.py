@@ -7,7 +7,9 @@ together: strains are integrated from ε̇ = G(x) ẋ; they are not computed fro
 stages. Strains are quadratic in the positions. Therefore the energy ½ ẋᵀ M ẋ + ½ ε C ε and the
 difference between integrated and computed strains are both quadratic in these variables, and Gauss
 methods conserve quadratic invariants exactly (Cooper, IMA J. Numer. Anal. 7 (1987) 1). The change
-of energy is the work of the loads less the dissipated energy, whatever the length of the step.
+of energy is the work of the loads less the dissipated energy, whatever the length of the step. The
+same holds for elements whose stress follows a law, with means of the stress over the step; see
+`spacemap_vtk.mechanics.transient.stage_stress`.
 
 With one stage this would be the midpoint rule with the mean of the stresses at both ends (Simo and
 Tarnow, Int. J. Numer. Meth. Eng. 37 (1994) 2527). Its periods are too long by (ω h)²/12; with two
@@ -37,26 +39,25 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from spacemap_vtk.mechanics.elements.law_strains import LawStrains
 from spacemap_vtk.mechanics.elements.strains import Strains, StrainState
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, TermStep
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg.factors import Solve, SquarePattern, factorise_square
+from spacemap_vtk.mechanics.transient.stage_stress import (
+    LAGRANGE,
+    SHARES,
+    STAGES,
+    TIMES,
+    StageStress,
+    stage_weights,
+    viscous_stress,
+)
 from spacemap_vtk.ndarrays import Floats
 
-#: Times of the two stages, as shares of the step. Their weights are ½, ½.
-STAGES = np.array([0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6])
 #: Matrix A of the method, and its inverse.
 _A = np.array([[0.25, STAGES[0] - 0.25], [STAGES[1] - 0.25, 0.25]])
 _INVERSE = np.linalg.inv(_A)
-
-#: Points and weights of a quadrature over the step, for terms other than strains. The work of a
-#: pressure is of fifth degree in time, so three Gauss points integrate it exactly.
-_TIMES = 0.5 + np.array([-1.0, 0.0, 1.0]) * 15**0.5 / 10
-_SHARES = np.array([5.0, 8.0, 5.0]) / 18
-#: The stages' Lagrange polynomials at these points.
-_LAGRANGE = np.stack(
-    [(_TIMES - STAGES[1]) / (STAGES[0] - STAGES[1]), (_TIMES - STAGES[0]) / (STAGES[1] - STAGES[0])]
-)
 
 #: Largest number of Newton corrections in a step.
 MAX_CORRECTIONS = 40
@@ -138,8 +139,8 @@ class _ElementStages(NamedTuple):
     """Rate of G."""
     rates: list[Floats]
     """Strain rates ε̇."""
-    stress: list[Floats]
-    """Stress C (ε + β ε̇)."""
+    response: StageStress
+    """Stresses, and how they change."""
 
 
 class _KeptTangent(NamedTuple):
@@ -169,6 +170,7 @@ class GaussIntegrator:
         #: quadrature; `_driven` marks those of the latter that do external work.
         self._strained = [k for k, t in enumerate(system.terms) if isinstance(t, Strains)]
         self._kinds = [term for term in system.terms if isinstance(term, Strains)]
+        self._follows_law = any(isinstance(kind, LawStrains) for kind in self._kinds)
         begun = [t.begin_step(system.start, 0.0, 0.0) for t in system.terms]
         #: Numbers of the terms that compute their own mean forces in a step.
         self._own = [k for k, each in enumerate(begun) if each is not None]
@@ -228,7 +230,7 @@ class GaussIntegrator:
         # `loads_at` returns the loads at a time [s]. `guess`, (2, N), estimates the moves
         # from the start to both stages; `stress` is that of each kind of element.
         pushes = np.stack([loads_at(time + share * span).push for share in STAGES])
-        factors = np.stack([self._term_factors(loads_at(time + share * span)) for share in _TIMES])
+        factors = np.stack([self._term_factors(loads_at(time + share * span)) for share in TIMES])
         strains, start = self.strain_states(parts), self._nodal(position)
         own = {n: self.system.terms[n].begin_step(start, time, span) for n in self._own}
         steps = {number: step for number, step in own.items() if step is not None}
@@ -249,14 +251,14 @@ class GaussIntegrator:
             residual = inertia + self._apply_damping(speeds.T).T - pushes
             for i in range(2):
                 residual[i] += self._element_forces(
-                    strains, [s.stress[i] for s in stages], [s.slopes[i] for s in stages]
+                    strains, [s.response.stress[i] for s in stages], [s.slopes[i] for s in stages]
                 )
             for each in steps.values():
                 residual += self.system.reduce_forces(each.forces(end))
             between = self._evaluate_between(position, moves)
             residual += self._external_forces(between, factors)
             residual += self._conservative_forces(
-                between, factors, parts, position, moves, speeds, span
+                between, factors, parts, stages, position, moves, speeds, span
             )
             if kept is None:
                 if tangent_count == MAX_TANGENTS:
@@ -302,14 +304,14 @@ class GaussIntegrator:
         damped = span / 2 * float(np.vdot(speeds, self._apply_damping(speeds.T).T))
         for part, stage in zip(strains, stages, strict=True):
             for flow in stage.rates:
-                damped += self.beta * span / 2 * float(np.vdot(flow, part.kind.stresses(flow)))
+                damped += self.beta * span / 2 * float(np.vdot(flow, viscous_stress(part, flow)))
         driving = self._external_forces(self._evaluate_between(position, moves), factors)
         work = span / 2 * float(np.vdot(pushes - driving, speeds))
         mean = np.zeros_like(rate)
         for each in steps.values():
             mean += self.system.reduce_forces(each.forces(end))
         error = self._estimate_error(rate, parts, loads_at(time), inertia, mean, kept.solve)
-        pulls = [stage.stress[1] for stage in stages]
+        pulls = [stage.response.stress[1] for stage in stages]
         finished = {number: each.finish(end) for number, each in steps.items()}
         terms = list(self.system.terms)
         for number, result in finished.items():
@@ -364,30 +366,20 @@ class GaussIntegrator:
             slopes = [kind.gradients(place) for place in places]
             spins = [kind.spins(flow) for flow in flows]
             rates = [kind.strain_changes(g, flow) for g, flow in zip(slopes, flows, strict=True)]
-            stress = [
-                kind.stresses(
-                    part.strain
-                    + span * (_A[i, 0] * rates[0] + _A[i, 1] * rates[1])
-                    + self.beta * rates[i]
-                )
-                for i in range(2)
-            ]
-            found.append(_ElementStages(slopes, spins, rates, stress))
+            gains = [span * (_A[i, 0] * rates[0] + _A[i, 1] * rates[1]) for i in range(2)]
+            response = StageStress(part, gains, rates, self.beta)
+            found.append(_ElementStages(slopes, spins, rates, response))
         return found
 
-    def _slopes(self, stage: _ElementStages, span: float, i: int, k: int) -> Floats:
-        """Compute the derivative of ε + β ε̇ at stage i with respect to the move to stage k."""
-        first, second, spin = self._slope_shares(span, i, k)
-        result: Floats = first * stage.slopes[0]
-        result += second * stage.slopes[1]
-        result += spin * stage.spins[k]
-        return result
-
-    def _slope_shares(self, span: float, i: int, k: int) -> tuple[float, float, float]:
-        """Compute the factors of G at both stages and of the spin at stage k in `_slopes`."""
-        mixed = _A[i, :] * _INVERSE[:, k]
-        mixed[i] += self.beta / span * _INVERSE[i, k]
-        return mixed[0], mixed[1], span * _A[i, k] + (self.beta if i == k else 0.0)
+    def _strain_shares(self, span: float, i: int, k: int) -> tuple[Floats, Floats]:
+        """Compute the factors of G at both stages and of the spin at stage k in strain changes."""
+        # The changes are those with the move to stage k: of the gains to both stages, (2, 3), and
+        # of the strain rate at stage i, (3,).
+        gains = np.column_stack([_A * _INVERSE[:, k], span * _A[:, k]])
+        rates = np.zeros(3)
+        rates[i] = _INVERSE[i, k] / span
+        rates[2] = float(i == k)
+        return gains, rates
 
     def _predict_stress(
         self, stages: list[_ElementStages], change: Floats, span: float
@@ -398,17 +390,19 @@ class GaussIntegrator:
         for kind, stage in zip(self._kinds, stages, strict=True):
             # Changes of strain that the move to stage k causes by G₁, G₂ and the spin at stage k.
             parts = [
-                [kind.strain_changes(g, moved[k]) for g in (*stage.slopes, stage.spins[k])]
+                [
+                    kind.strain_changes(g, moved[k])[..., None]
+                    for g in (*stage.slopes, stage.spins[k])
+                ]
                 for k in range(2)
             ]
             predicted = []
             for i in range(2):
-                strain = np.zeros_like(stage.stress[i])
+                stress = stage.response.stress[i].copy()
                 for k in range(2):
-                    shares = self._slope_shares(span, i, k)
-                    for share, part in zip(shares, parts[k], strict=True):
-                        strain += share * part
-                predicted.append(stage.stress[i] + kind.stresses(strain))
+                    shares = self._strain_shares(span, i, k)
+                    stress += stage.response.changes(i, parts[k], *shares)[..., 0]
+                predicted.append(stress)
             found.append(predicted)
         return found
 
@@ -431,10 +425,11 @@ class GaussIntegrator:
             for number, kind, pull, stage in zip(
                 self._strained, self._kinds, stress, stages, strict=True
             ):
+                flat = [g.reshape(*g.shape[:3], -1) for g in (*stage.slopes, stage.spins[k])]
                 blocks[number] = kind.tangent_with_stress(
                     pull[i] if i == k else np.zeros_like(pull[i]),
                     stage.slopes[i],
-                    self._slopes(stage, span, i, k),
+                    stage.response.changes(i, flat, *self._strain_shares(span, i, k)),
                 )
             ordered = [blocks[number] for number in range(len(blocks))]
             tangents[i, k] = self.system.assemble(ordered).data
@@ -467,9 +462,9 @@ class GaussIntegrator:
     def _evaluate_between(self, position: Floats, moves: Floats) -> list[list[TermState]]:
         """Evaluate the terms other than strains at each point of the quadrature."""
         if not self._others:
-            return [[] for _ in _TIMES]
+            return [[] for _ in TIMES]
         terms = [self.system.terms[number] for number in self._others]
-        places = [self._nodal(position + _stage_weights(time) @ moves) for time in _TIMES]
+        places = [self._nodal(position + stage_weights(time) @ moves) for time in TIMES]
         return [[term.evaluate(place) for term in terms] for place in places]
 
     def _external_forces(self, between: list[list[TermState]], factors: Floats) -> Floats:
@@ -485,7 +480,7 @@ class GaussIntegrator:
             for state, size in zip(states, sizes, strict=True):
                 if size:
                     force = self.system.reduce_forces(size * state.forces)
-                    total += 2 * _SHARES[point] * _LAGRANGE[:, point, None] * force
+                    total += 2 * SHARES[point] * LAGRANGE[:, point, None] * force
         return total
 
     def _mean_tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
@@ -494,9 +489,7 @@ class GaussIntegrator:
         for column, number in enumerate(self._others):
             total: Floats | float = 0.0
             for point, sizes in enumerate(factors):
-                weights = (
-                    2 * _SHARES[point] * _LAGRANGE[:, point, None] * _stage_weights(_TIMES[point])
-                )
+                weights = 2 * SHARES[point] * LAGRANGE[:, point, None] * stage_weights(TIMES[point])
                 blocks = sizes[column] * between[point][column].tangent()
                 total = total + weights[:, :, None, None, None] * blocks
             found[number] = np.asarray(total)
@@ -507,15 +500,17 @@ class GaussIntegrator:
         between: list[list[TermState]],
         factors: Floats,
         parts: list[TermState],
+        stages: list[_ElementStages],
         position: Floats,
         moves: Floats,
         speeds: Floats,
         span: float,
     ) -> Floats:
         """Compute the forces of conservative terms at the stages; their work is the energy gain."""
+        # Elements whose stress follows a law add only what their own forces leave to the gain.
         forces = self._mean_forces(between, factors * ~self._driven)
         held = [n for n, drives in zip(self._others, self._driven, strict=True) if not drives]
-        if not held:
+        if not held and not self._follows_law:
             return forces
         heavy = (self.mass @ speeds.T).T
         weight = span / 2 * float(np.vdot(speeds, heavy))
@@ -525,7 +520,10 @@ class GaussIntegrator:
         before = np.array([parts[number].energy for number in held])
         after = np.array([self.system.terms[number].energy(end) for number in held])
         missing = float((after - before).sum()) - span / 2 * float(np.vdot(forces, speeds))
-        if abs(missing) <= ENERGY_ROUNDING * float((abs(before) + abs(after)).sum()):
+        missing += sum(stage.response.missing(span) for stage in stages)
+        size = float((abs(before) + abs(after)).sum())
+        size += sum(abs(part.energy) for part in self.strain_states(parts))
+        if abs(missing) <= ENERGY_ROUNDING * size:
             return forces
         return forces + missing / weight * heavy
 
@@ -535,9 +533,9 @@ class GaussIntegrator:
         """Check whether the terms other than strains admit the positions of a step."""
         if not self._others and not steps:
             return True
-        places = [position + _stage_weights(time) @ moves for time in _TIMES]
+        places = [position + stage_weights(time) @ moves for time in TIMES]
         nodal = [*(self._nodal(place) for place in places), end]
-        if not all(step.admits(np.append(_TIMES, 1.0), nodal) for step in steps.values()):
+        if not all(step.admits(np.append(TIMES, 1.0), nodal) for step in steps.values()):
             return False
         terms = [self.system.terms[number] for number in self._others]
         path = [self._nodal(position), *nodal]
@@ -564,7 +562,7 @@ class GaussIntegrator:
             return np.zeros_like(move)
         moved, strains = self.system.node_moves(move), self.strain_states(parts)
         stress = [
-            self.beta * part.kind.stresses(part.kind.strain_changes(part.gradients, moved))
+            self.beta * viscous_stress(part, part.kind.strain_changes(part.gradients, moved))
             for part in strains
         ]
         return self._element_forces(strains, stress, [part.gradients for part in strains])
@@ -617,14 +615,3 @@ class _StageSystem:
 def _end_position(position: Floats, moves: Floats) -> Floats:
     """Compute the position at the end of a step from the moves to its stages."""
     return position + 3**0.5 * (moves[1] - moves[0])
-
-
-def _stage_weights(share: float) -> Floats:
-    """Compute the weights of both stages' moves in the move at a share of a step, (2,)."""
-    first, second = STAGES
-    return np.array(
-        [
-            share * (share - second) / (first * (first - second)),
-            share * (share - first) / (second * (second - first)),
-        ]
-    )

@@ -38,7 +38,8 @@ from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.mechanics.response.modal_motion import base_factors, jump_of
-from spacemap_vtk.mechanics.transient.gauss import STAGES, ActingLoads, GaussIntegrator
+from spacemap_vtk.mechanics.transient.gauss import ActingLoads, GaussIntegrator
+from spacemap_vtk.mechanics.transient.stage_stress import STAGES, viscous_stress
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -578,7 +579,7 @@ def _damping_from_ratios(
                 for field in fields.T
             ]
         )
-        stress = np.stack([part.kind.stresses(change) for change in strained])
+        stress = np.stack([viscous_stress(part, change) for change in strained])
         mine += stress.reshape(len(values), -1) @ strained.reshape(len(values), -1).T
     rest, turn = np.linalg.eigh(np.diag(resisted) - beta * cage.model.modulus * mine)
     kept = rest > 1e-9 * rest[-1]

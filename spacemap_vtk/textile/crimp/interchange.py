@@ -265,6 +265,69 @@ class Interchange:
             reached.reshape(shape).max(axis=1),
         )
 
+    def energy(self, stretch: ArrayLike) -> Floats:
+        """Compute the energy of the whole cloth for many uniform stretches.
+
+        Parameters
+        ----------
+        stretch : (2, n) array_like
+            Stretches along warp and weft.
+
+        Returns
+        -------
+        ndarray of float64, shape (n,)
+            Energy per area of cloth at rest [J/m²]; a jammed crossing has that of the stretch that
+            it keeps.
+        """
+        stretches = np.asarray(stretch, np.float64)
+        first, back = self._kinds
+        weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
+        result = np.zeros(stretches.shape[1])
+        for weight, kind in zip(weights, first, strict=True):
+            cancel.check()
+            cells = select_crossings(self._crossings, np.full(stretches.shape[1], kind))
+            reached, h, d = self._solve_heights(cells, stretches)
+            room, length = cells.room_and_length(reached)
+            energy = cells.energy(self._hinged)
+            gap = solve_gaps(room, np.stack([h, d - h]), cells.arcs * d)
+            over = np.maximum(gap.length - length, 0.0)
+            value = (0.5 * energy.tension * over**2).sum(axis=0)
+            value += energy.without_pull(gap.theta, d)[0]
+            straight = np.maximum(reached - 1.0, 0.0) * cells.spacing
+            pull = np.where(cells.is_straight, cells.tension, 0.0)
+            result += weight * (value + (0.5 * pull * straight**2).sum(axis=0))
+        return result
+
+    def reach_stretch(self, stretch: ArrayLike) -> Floats:
+        """Compute the stretches that a cloth reaches.
+
+        Parameters
+        ----------
+        stretch : (2, n) array_like
+            Stretches along warp and weft.
+
+        Returns
+        -------
+        ndarray of float64, shape (2, n)
+            Those given, or those at which the first crossing jams.
+        """
+        stretches = np.asarray(stretch, np.float64)
+        reached = stretches
+        for kind in self._kinds[0]:
+            cells = select_crossings(self._crossings, np.full(stretches.shape[1], kind))
+            reached = np.maximum(reached, cells.reach_stretch(stretches)[0])
+        return reached
+
+    @property
+    def straight_stretch(self) -> tuple[float, float]:
+        """Least stretches along warp and weft at which a yarn is straight."""
+        cells = self._crossings
+        stretch = np.where(
+            cells.is_straight, 1.0, cells.full_length / (cells.spacing + cells.floats)
+        )
+        warp, weft = stretch.min(axis=1)
+        return float(warp), float(weft)
+
     @property
     def kind_count(self) -> int:
         """Number of different crossings."""

@@ -1,0 +1,120 @@
+"""Write what holds a cage, and its reactions, into arrays of its grid, and read them back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from vtkmodules.vtkCommonCore import vtkStringArray
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.mechanics.boundary.reactions import Reaction
+from spacemap_vtk.ndarrays import Floats
+
+#: Name of the point array of the forces of supports and grips on held vertices [N].
+REACTION = "reaction"
+#: Names of the field arrays that have a row for each body that holds the cage: its force [N] and
+#: moment [N m] on the cage, and the point of the moment [m].
+_PARTS = ("reaction_force", "reaction_moment", "reaction_point")
+#: Name of the field array of the names of these bodies.
+_NAMES = "reaction_body"
+#: Names of the field arrays that have a row for each place of a path: force and moment of each
+#: body, three columns each, and move [m] and rotation vector [rad] of each grip.
+_PATH = ("path_reaction_force", "path_reaction_moment", "path_grip_move", "path_grip_turn")
+#: Name of the field array of what `filters.grip.bearings_of` reads, as JSON.
+_BEARINGS = "bearings"
+
+_OWNER = "the cage's reactions (put a ModalSolver before it)"
+
+
+class PathReactions(NamedTuple):
+    """Reactions along a path, and how grips moved on it."""
+
+    forces: Floats
+    """(S, n, 3), force of each of n bodies on the cage at each of S places [N]."""
+    moments: Floats
+    """(S, n, 3), their moments [N m]."""
+    moves: Floats
+    """(S, g, 3), move of each of g grips [m]."""
+    turns: Floats
+    """(S, g, 3), rotation vector of each grip [rad]."""
+
+
+def add_reactions(
+    grid: vtkUnstructuredGrid,
+    holding: Floats,
+    reactions: Sequence[Reaction],
+    path: PathReactions | None = None,
+) -> None:
+    """Write forces on held vertices, the reactions of all bodies, and those along a path."""
+    remove_reactions(grid)
+    field = grid.GetFieldData()
+    add_array(grid.GetPointData(), REACTION, holding)
+    if not reactions:
+        return
+    names = vtkStringArray()
+    names.SetName(_NAMES)
+    for each in reactions:
+        names.InsertNextValue(f"{each.kind} {each.name}".strip())
+    field.AddArray(names)
+    for name, part in zip(_PARTS, ("force", "moment", "about"), strict=True):
+        add_array(field, name, np.array([getattr(each, part) for each in reactions]))
+    if path is not None:
+        for name, table in zip(_PATH, path, strict=True):
+            if table.size:
+                add_array(field, name, table.reshape(len(table), -1))
+
+
+def remove_reactions(grid: vtkUnstructuredGrid) -> None:
+    """Remove the arrays that `add_reactions` writes."""
+    grid.GetPointData().RemoveArray(REACTION)
+    for name in (_NAMES, *_PARTS, *_PATH):
+        grid.GetFieldData().RemoveArray(name)
+
+
+def reactions_of(grid: vtkUnstructuredGrid) -> list[Reaction]:
+    """Return the reactions of all bodies that hold a cage at rest; empty without an equilibrium."""
+    field = grid.GetFieldData()
+    names = field.GetAbstractArray(_NAMES)
+    if names is None:
+        return []
+    parts = [array_of(field, name, _OWNER).reshape(-1, 3) for name in _PARTS]
+    return [
+        Reaction(*_split(names.GetValue(k)), *(part[k] for part in parts))
+        for k in range(names.GetNumberOfValues())
+    ]
+
+
+def path_reactions_of(grid: vtkUnstructuredGrid) -> PathReactions | None:
+    """Return the reactions along the path to a cage's equilibrium; None without a path."""
+    field = grid.GetFieldData()
+    if not field.HasArray(_PATH[0]):
+        return None
+    tables: list[Floats] = []
+    for name in _PATH:
+        has = field.HasArray(name)
+        table = array_of(field, name, _OWNER) if has else np.empty((len(tables[0]), 0))
+        tables.append(table.reshape(len(table), table.size // len(table) // 3, 3))
+    return PathReactions(*tables)
+
+
+def add_bearings(grid: vtkUnstructuredGrid, recipe: Mapping[str, Any]) -> None:
+    """Write the places of supports and grips, numbers and texts only, as JSON."""
+    array = vtkStringArray()
+    array.SetName(_BEARINGS)
+    array.InsertNextValue(json.dumps(recipe))
+    grid.GetFieldData().AddArray(array)
+
+
+def bearings_recipe(grid: vtkUnstructuredGrid) -> dict[str, Any]:
+    """Return what `add_bearings` has written; empty if nothing."""
+    array = grid.GetFieldData().GetAbstractArray(_BEARINGS)
+    return {} if array is None else json.loads(array.GetValue(0))
+
+
+def _split(name: str) -> tuple[str, str]:
+    kind, _, rest = name.partition(" ")
+    return kind, rest

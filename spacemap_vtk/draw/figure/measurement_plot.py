@@ -1,0 +1,96 @@
+"""Plots of the laboratory: the curves of a test in the units of its instrument, and in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from spacemap_vtk.draw.figure.page import new_figure
+from spacemap_vtk.laboratory.records import Measurement, Unit
+from spacemap_vtk.scenes.laboratory import TestResult
+from spacemap_vtk.units import typeset_units
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Colours of curves; of the lines behind them, and of scales in SI.
+COLORS = ("#c8502a", "#2c5f9e", "#2f7d5b", "#8e5ea2")
+_GRID, _FAINT = "#e6e9ed", "#7a8591"
+#: Size of one panel [in].
+_WIDTH, _HEIGHT = 5.6, 4.2
+#: Dashes of a curve that lies on an earlier one.
+_DASHES = (0, (5, 3))
+
+
+def measurement_plot(title: str, results: Sequence[TestResult]) -> Figure:
+    """Draw a panel for each test that was made, with its curves and figures."""
+    made = [result for result in results if result.measurement and result.measurement.curves]
+    columns = 1 if len(made) == 1 else 2
+    lines = -(-len(made) // columns)
+    size = (9.0, 5.4) if len(made) == 1 else (2 * _WIDTH * 1.15, lines * _HEIGHT)
+    figure = new_figure(figsize=size, dpi=150, layout="constrained")
+    figure.suptitle(title, fontsize=12)
+    panels = figure.subplots(lines, columns, squeeze=False).ravel()
+    for panel, (test, measurement, _) in zip(panels, made, strict=False):
+        assert measurement is not None
+        panel.set_title(f"{test.title} ({test.instrument})", fontsize=10, loc="left")
+        draw_curves(panel, measurement, len(made) == 1)
+    for panel in panels[len(made) :]:
+        panel.set_axis_off()
+    return figure
+
+
+def draw_curves(panel: Axes, measurement: Measurement, with_si: bool = True) -> None:
+    """Draw the curves of a test into a panel, with the figures beside them."""
+    x, y = measurement.x_axis, measurement.y_axis
+    drawn: list[tuple[object, ...]] = []
+    for number, curve in enumerate(measurement.curves):
+        values = tuple(curve.x.round(12)), tuple((curve.y / y.unit.size).round(9))
+        panel.plot(
+            curve.x / x.unit.size,
+            curve.y / y.unit.size,
+            color=COLORS[number % len(COLORS)],
+            linewidth=1.6,
+            linestyle=_DASHES if values in drawn else "-",
+            label=_describe_curve(measurement, curve.name),
+        )
+        drawn.append(values)
+    panel.set(xlabel=x.label, ylabel=y.label)
+    panel.grid(color=_GRID, linewidth=0.6)
+    panel.spines[["top", "right"]].set_visible(False)
+    if min(curve.x.min() for curve in measurement.curves) < 0.0:
+        panel.axhline(0.0, color="#aeb6c0", linewidth=0.8, zorder=1)
+        panel.axvline(0.0, color="#aeb6c0", linewidth=0.8, zorder=1)
+    else:
+        panel.set_xlim(left=0.0)
+        panel.set_ylim(bottom=0.0)
+    # The curves rise from the lower left to the upper right.
+    panel.legend(frameon=False, fontsize=8 if with_si else 7, loc="lower right")
+    if with_si and y.unit.si and y.unit.size != 1.0:
+        _add_si_axis(panel, y.unit)
+
+
+def _add_si_axis(panel: Axes, unit: Unit) -> None:
+    """Add a scale in SI on the right."""
+
+    def to_si(value: Any) -> Any:
+        return value * unit.size
+
+    def from_si(value: Any) -> Any:
+        return value / unit.size
+
+    axis = panel.secondary_yaxis("right", functions=(to_si, from_si))
+    axis.set_ylabel(f"[{typeset_units(unit.si)}]", color=_FAINT)
+    axis.tick_params(colors=_FAINT, labelsize=8)
+    axis.spines["right"].set_visible(False)
+
+
+def _describe_curve(measurement: Measurement, name: str) -> str:
+    """Return the name of a curve with the figures of its direction."""
+    figures = [
+        f"{reading.symbol} {reading.text}"
+        for reading in measurement.readings
+        if reading.direction == name and reading.value is not None
+    ]
+    return f"{name}: {', '.join(figures)}" if figures else name

@@ -1,0 +1,86 @@
+"""Whether a cage's shape is within the range of its elements, its material and its cloth.
+
+Vertices are (V, 3), undeformed and deformed [m]. Strains (T, 6) are Green's, as
+`spacemap_vtk.mechanics.modal.model.Model.strain_and_stress` returns them. A cage that is a sheet
+has a mid-surface.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.datasets.cloth_data import cloth_of
+from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.mechanics.elements.deformation import (
+    find_tightest_fold,
+    largest_stretch,
+    shear_angles,
+    stretch_of,
+)
+from spacemap_vtk.mechanics.elements.inversion import count_inverted
+from spacemap_vtk.mechanics.elements.shell import MidSurface
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.textile.weave.cloth import Cloth
+
+#: Field array of a cage: least crimp of the yarns of which its stiffness is made.
+LAW_CRIMP = "least_crimp"
+
+
+def check_folds(
+    stage: Stage,
+    grid: vtkUnstructuredGrid,
+    rest: Floats,
+    moved: Floats,
+    surface: MidSurface | None,
+) -> None:
+    """Check the folds of a sheet against its cells, and against the thickness of its cloth."""
+    if surface is None:
+        return
+    turn, curvature = find_tightest_fold(rest, moved, surface)
+    stage.check_limit("fold", turn)
+    cloth = cloth_of(grid)
+    if cloth is not None:
+        stage.check_limit("thick_fold", (cloth.level + cloth.sheet_thickness / 2) * curvature)
+
+
+def check_inversion(
+    stage: Stage, rest: Floats, moved: Floats, cells: Ints, surface: MidSurface | None
+) -> None:
+    """Check that no element is turned inside out."""
+    count = count_inverted(rest, moved - rest, cells, surface)
+    total, kind = (
+        (len(cells), "tetrahedra")
+        if surface is None
+        else (len(surface.quads), "cells of the sheet")
+    )
+    found = f"{count} of {total} {kind} are turned inside out"
+    stage.check_limit("inversion", count / total, found=found)
+
+
+def check_strains(
+    stage: Stage, grid: vtkUnstructuredGrid, strain: Floats, model: Model, linear: bool = False
+) -> None:
+    """Check strains against the range of linear laws of material, if the cage has one."""
+    nonlinear = model.plate is not None and model.plate.law is not None
+    if not nonlinear:
+        stage.check_limit("strain", largest_stretch(strain, model.pencil.surface is not None))
+    crimp = grid.GetFieldData().GetArray(LAW_CRIMP)
+    # A linear motion has the tangent of a nonlinear law. About a state that is strained already,
+    # its range is not measured.
+    if crimp is not None and (not nonlinear or (linear and model.displacement is None)):
+        stage.check_limit("law", float(abs(strain[:, :2]).max()) / crimp.GetValue(0))
+
+
+def check_yarns(stage: Stage, cloth: Cloth, strain: Floats, keeps_length: bool) -> None:
+    """Check what the yarns of a cloth do in a cage that is strained."""
+    if not keeps_length:
+        stage.check_limit("embedded", float(abs(stretch_of(strain[:, :2])).max(initial=0.0)))
+    widths = [float((yarns.aspect * yarns.diameter).max()) for yarns in cloth.yarns]
+    shares = [w / f.spacing for w, f in zip(widths, cloth.families, strict=True)]
+    locked = math.acos(min(max(shares), 1.0))
+    sheared = float(abs(shear_angles(strain)).max(initial=0.0))
+    if locked > 0.0:
+        stage.check_limit("locked", sheared / locked)

@@ -1,0 +1,1 @@
+"""Virtual instruments that measure cloth: standard tests, and what they print."""

@@ -1,0 +1,123 @@
+"""The errors of a scene's figures, and a sentence about those that are not converged."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from spacemap_vtk.filters.error_estimates import ErrorEstimates
+from spacemap_vtk.filters.tetra_cage import TetraCage
+from spacemap_vtk.mechanics.modal.convergence import TOLERANCE, Estimate
+
+#: Figures of an equilibrium that have an error, with their names in sentences.
+_OF_EQUILIBRIUM = {
+    "sag": "the sag",
+    "shadow_area": "the shadow",
+    "drape_coefficient": "the drape coefficient",
+}
+#: The same for the contact with an obstacle.
+_OF_CONTACT = {"force": "the force on obstacle {obstacle}"}
+#: Suggested divisions are at most this many times the present ones: errors of several hundred per
+#: cent are too rough to tell more.
+_FINER = 4.0
+
+
+def add_errors(
+    figures: dict[str, Any],
+    coarse: dict[str, Any] | None = None,
+    estimates: ErrorEstimates | None = None,
+) -> None:
+    """Add an error to each figure that can have one.
+
+    Parameters
+    ----------
+    figures : dict
+        ``modes``, ``hung`` and ``contact`` of `spacemap_vtk.scenes.report.report_modes`. Each mode
+        gets ``error``, relative, and each other figure ``…_error`` in its unit; and each table
+        ``converged``.
+    coarse : dict, optional
+        The figures of the coarser cage.
+    estimates : ErrorEstimates, optional
+        The solutions on both cages; without them all errors are None.
+    """
+    for number, mode in enumerate(figures["modes"]):
+        estimate = None if estimates is None else estimates.frequencies[number]
+        mode["error"] = None if estimate is None else estimate.error
+        mode["converged"] = None if estimate is None else estimate.converged
+    for table, other, keys in _pairs(figures, coarse):
+        converged = []
+        for key in [key for key in keys if key in table]:
+            found: Estimate | None = None
+            if estimates is not None and None not in (table[key], other.get(key)):
+                found = estimates.compare(table[key], other[key])
+                converged.append(found.converged)
+            table[f"{key}_error"] = None if found is None else found.error
+        table["converged"] = all(converged) if converged else None
+
+
+def describe_unconverged(figures: dict[str, Any], cage: TetraCage) -> str:
+    """Describe the figures that are not converged, and suggest a cage.
+
+    Parameters
+    ----------
+    figures : dict
+        Figures with their errors.
+    cage : TetraCage
+        The stage that made the cage.
+
+    Returns
+    -------
+    str
+        A sentence without a full stop; empty if all figures are converged, or have no error.
+    """
+    parts, errors = [], []
+    numbers = [n for n, mode in enumerate(figures["modes"], 1) if mode["converged"] is False]
+    if numbers:
+        worst = [figures["modes"][number - 1]["error"] for number in numbers]
+        which = f"the frequencies of modes {numbers[0]} to {numbers[-1]}"
+        if len(numbers) == 1:
+            which = f"the frequency of mode {numbers[0]}"
+        elif len(numbers) <= numbers[-1] - numbers[0]:
+            which = f"the frequencies of {len(numbers)} of the modes {numbers[0]} to {numbers[-1]}"
+        parts.append(f"{which} (± {_format_range(worst)})")
+        errors += worst
+    for table, _, keys in _pairs(figures, None):
+        for key, name in keys.items():
+            error, value = table.get(f"{key}_error"), table.get(key)
+            if error is None or value is None or error <= TOLERANCE * abs(value):
+                continue
+            share = error / abs(value) if value else math.inf
+            parts.append(f"{name.format(**table)} (± {_format_range([share])})")
+            errors.append(share)
+    if not parts:
+        return ""
+    return f"the cage's cells are too wide for {', '.join(parts)}; {_suggest(cage, max(errors))}"
+
+
+def _pairs(
+    figures: dict[str, Any], coarse: dict[str, Any] | None
+) -> list[tuple[dict[str, Any], dict[str, Any], dict[str, str]]]:
+    """Return each table of figures with that of the coarser cage and the names of its figures."""
+    other = coarse or {}
+    pairs = []
+    if figures["hung"] is not None:
+        pairs.append((figures["hung"], other.get("hung") or {}, _OF_EQUILIBRIUM))
+    contacts = other.get("contact") or [{}] * len(figures["contact"])
+    for own, wider in zip(figures["contact"], contacts, strict=True):
+        pairs.append((own, wider, _OF_CONTACT))
+    return pairs
+
+
+def _format_range(errors: list[float]) -> str:
+    least, most = (f"{min(each, 9.99):.0%}" for each in (min(errors), max(errors)))
+    return most if least == most else f"{least} to {most}"
+
+
+def _suggest(cage: TetraCage, error: float) -> str:
+    """Suggest a finer cage for an error that falls as the square of its cells' width."""
+    factor = min(math.sqrt(max(error / TOLERANCE, 1.0)), _FINER)
+    if cage.method == "tetwild":
+        return "decrease cage.edge_length"
+    divisions = cage.divisions or cage.values_in_use["divisions"]
+    finer = [math.ceil(factor * count) if count > 1 else 1 for count in divisions]
+    return f"increase cage.divisions, for example to {finer}"

@@ -1,0 +1,193 @@
+"""Grips that move and turn, and what holds a body, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.datasets.reactions import path_reactions_of
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.boundary.grips import Grip, held_by, make_grip
+from spacemap_vtk.mechanics.boundary.reactions import Reaction, find_bearings
+from spacemap_vtk.mechanics.contact.path import states_on_path
+from spacemap_vtk.mechanics.contact.reactions import list_reactions
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.scenes.figure_list import cloth_figures
+from spacemap_vtk.scenes.report import report_fabric, report_modes
+from spacemap_vtk.scenes.scene import Scene
+
+FloatArray = NDArray[np.float64]
+#: Bending [N m] and stretch [N/m] of a sheet without Poisson's effect; its thickness [m].
+BENDING, STRETCH, THICKNESS = 1e-5, 1e3, 1e-4
+PLATE = Plate(STRETCH * np.diag([1, 1, 0.5]), BENDING * np.diag([1, 1, 0.5]))
+
+
+def sheet(length: float, width: float, cells: tuple[int, int]) -> Any:
+    """Return vertices and tetrahedra of a flat sheet across z."""
+    box = (0, length, 0, width, -THICKNESS / 2, THICKNESS / 2)
+    return build_lattice(box, (*cells, 1))
+
+
+def pull(
+    mesh: Any, supports: Sequence[str], grips: list[Grip], gravity: ArrayLike = (0, 0, 0)
+) -> list[list[Reaction]]:
+    """Return the reactions of supports and grips of a sheet at each place of the grips' path."""
+    points, cells = mesh
+    bearings = find_bearings(points, supports, grips)
+    held = np.any([each.shares.any(axis=2) for each in bearings], axis=0)
+    model = Model(points, cells, PLATE, 0.15 / THICKNESS, held)
+    load = np.outer(model.nodal_mass, gravity).ravel()
+    return [
+        list_reactions(
+            model, state.displacement, state.holding, bearings, [g.moves[k] for g in grips]
+        )
+        for k, state in enumerate(states_on_path(model, load, grips=grips))
+    ]
+
+
+def test_grip_turns_and_moves_its_vertices() -> None:
+    """A quarter about z carries x to y, whatever the centre; other vertices are free."""
+    square = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0.0]])
+    turns = [[0, 0, 0], [0, 0, math.pi / 2]]
+    grip = make_grip(square, "+x", moves=[[0, 0, 0], [0, 0, 5]], turns=turns, center=(0, 0, 0))
+    moved = square + grip.displacement(square, 1.0)
+    np.testing.assert_allclose(moved, [[0, 0, 0], [0, 2, 5], [-2, 2, 5], [0, 2, 0]], atol=1e-14)
+    half = 0.5**0.5
+    at_half = (square + grip.displacement(square, 0.5))[1]
+    np.testing.assert_allclose(at_half, [2 * half, 2 * half, 2.5], rtol=1e-14)
+
+
+def test_strip_that_is_pulled_has_the_force_of_its_green_strain() -> None:
+    """F = A b (1 + e)(e + e²/2), with the same force on both ends and no moment."""
+    mesh, stretch = sheet(0.1, 0.02, (8, 2)), np.array([0.0, 1e-4, 0.01, 0.05])
+    grip = make_grip(mesh[0], "+x", moves=np.outer(0.1 * stretch, (1, 0, 0)))
+    for e, (support, pulled) in zip(stretch, pull(mesh, ["-x"], [grip]), strict=True):
+        force = STRETCH * 0.02 * (1 + e) * (e + e**2 / 2)
+        np.testing.assert_allclose(pulled.force, [force, 0, 0], atol=1e-9)
+        np.testing.assert_allclose(support.force, [-force, 0, 0], atol=1e-9)
+        np.testing.assert_allclose(pulled.moment, 0, atol=1e-10)
+
+
+def test_strip_whose_ends_approach_buckles_at_eulers_load() -> None:
+    """4π² B b/L² with clamped ends, plus the start of the elastica: 1 + s/(2 L)·… after it."""
+    length, width = 0.1, 0.02
+    mesh = sheet(length, width, (32, 1))
+    grip = make_grip(mesh[0], "+x", moves=np.outer([0, 2e-4, 4e-4], (-1, 0, 0)))
+    euler = 4 * math.pi**2 * BENDING * width / length**2
+    ((_, first), (_, second)) = pull(mesh, ["-x"], [grip])[1:]
+    # Post-buckling: P/P_E = 1 + s/(2L) for shortening s of a clamped strip.
+    start = 2 * first.force[0] - second.force[0]
+    assert start == pytest.approx(-euler, rel=8e-3)
+
+
+def test_strip_whose_end_is_turned_bends_to_a_circle() -> None:
+    """M = B b κ, while the grip follows the circle so that nothing is stretched."""
+    length, width, cells = 0.1, 0.02, 40
+    mesh, angles = sheet(length, width, (cells, 1)), np.linspace(0, math.pi, 13)
+    # The middles of the cells' ends lie on the circle of which the cells are chords.
+    radius = length / cells / 2 / np.sin(np.maximum(angles, 1e-9) / cells / 2)
+    x, z = radius * np.sin(angles), radius * (1 - np.cos(angles))
+    moves = np.stack([np.where(angles > 0, x - length, 0), 0 * x, z], axis=1)
+    turns = np.outer(angles, (0, -1, 0))
+    grip = make_grip(mesh[0], "+x", moves=moves, turns=turns)
+    for angle, (support, turned) in zip(angles, pull(mesh, ["-x"], [grip]), strict=True):
+        moment = BENDING * width * angle / length
+        np.testing.assert_allclose(turned.moment, [0, -moment, 0], atol=2e-3 * moment + 1e-15)
+        np.testing.assert_allclose(support.moment, [0, moment, 0], atol=2e-3 * moment + 1e-15)
+
+
+def test_grips_and_supports_carry_the_weight_of_a_hanging_cloth() -> None:
+    """The sum of forces is the weight and that of moments its moment, at every place."""
+    points, cells = sheet(0.2, 0.2, (10, 10))
+    corner = "box({}, 0.19, 0.2, -1, 1)"
+    left, right = corner.format("0, 0.01"), corner.format("0.19, 0.2")
+    grip = make_grip(points, right, moves=np.outer([0, 0.02, 0.05], (-1, 0, 0)))
+    bearings = find_bearings(points, [left], [grip])
+    held = held_by([grip], points.shape) | bearings[0].shares.any(axis=2)
+    model = Model(points, cells, PLATE, 0.15 / THICKNESS, held)
+    weight = np.outer(model.nodal_mass, (0, -9.81, 0))
+    for k, state in enumerate(states_on_path(model, weight.ravel(), grips=[grip])):
+        found = list_reactions(model, state.displacement, state.holding, bearings, [grip.moves[k]])
+        total = np.sum([each.force for each in found], axis=0)
+        np.testing.assert_allclose(total, -weight.sum(axis=0), atol=1e-9 * abs(weight.sum()))
+        turning = np.cross(points + state.displacement, weight).sum(axis=0)
+        turning += np.sum(
+            [each.moment + np.cross(each.about, each.force) for each in found], axis=0
+        )
+        np.testing.assert_allclose(turning, 0, atol=1e-9)
+
+
+def test_vertices_in_two_places_count_once() -> None:
+    """Supports share what holds the body: the sum of their projections is that of all."""
+    points, _ = sheet(0.1, 0.1, (2, 2))
+    bearings = find_bearings(points, ["-x", "-y:(0, 1, 1)", "-y:xz"])
+    total = np.sum([each.shares for each in bearings], axis=0)
+    edge = (points[:, 0] == 0) | (points[:, 1] == 0)
+    np.testing.assert_allclose(total, edge[:, None, None] * np.eye(3), atol=1e-12)
+
+
+def test_grip_along_a_direction_or_turning_with_free_components_is_refused() -> None:
+    points, _ = sheet(0.1, 0.1, (2, 2))
+    with pytest.raises(InputError, match="not along a direction"):
+        make_grip(points, "+x:(1, 1, 0)")
+    with pytest.raises(InputError, match="cannot turn"):
+        make_grip(points, "+x:x", turns=[[0, 0, 0], [0, 0, 1]])
+
+
+SCENE = """
+[weave]
+ends = 4
+picks = 12
+[cage]
+divisions = [2, 12, 1]
+[modal]
+elements = "sheet"
+fixed = "-y"
+modes = 2
+path_steps = 4
+tensile_rigidity = "1 kN/m"
+bending_rigidity = "10 uN.m"
+areal_mass = "0.15 kg/m2"
+poissons_ratio_in_plane = 0
+[[modal.grips]]
+place = "+y"
+path = [[0, "0.1 mm", 0], [0, "0.2 mm", 0]]
+"""
+
+
+def test_modes_and_info_report_reactions_of_a_scene(tmp_path: Path) -> None:
+    """Force and moment of each body in SI; the modes are those of the gripped strip."""
+    (tmp_path / "strip.toml").write_text(SCENE, encoding="utf-8")
+    scene = Scene.read(tmp_path / "strip.toml")
+    for found in (report_fabric(scene), report_modes(scene)):
+        support, grip = found["reactions"]
+        assert (support["kind"], support["name"]) == ("support", "-y")
+        assert (grip["kind"], grip["name"]) == ("grip", "+y")
+        np.testing.assert_allclose(np.add(support["force"], grip["force"]), 0, atol=1e-9)
+    path = path_reactions_of(scene.modal.output)
+    assert path is not None
+    np.testing.assert_allclose(path.moves[:, 0, 1], np.linspace(0, 2e-4, 9), rtol=1e-12)
+    np.testing.assert_allclose(path.forces[-1, 1], grip["force"], rtol=1e-12)
+    held = vtk_to_numpy(scene.modal.output.GetPointData().GetArray("reaction"))
+    np.testing.assert_allclose(held.sum(axis=0), 0, atol=1e-9)
+    (row,) = (each for each in cloth_figures(report_fabric(scene)) if each.key == "reaction_1")
+    assert row.label == "reaction of grip +y"
+    assert row.value == pytest.approx(np.linalg.norm(grip["force"]))
+
+
+def test_two_that_hold_the_same_vertex_are_refused(tmp_path: Path) -> None:
+    text = SCENE.replace('fixed = "-y"', 'fixed = "-x"')
+    (tmp_path / "strip.toml").write_text(text, encoding="utf-8")
+    scene = Scene.read(tmp_path / "strip.toml")
+    with pytest.raises(InputError, match=r'grip "\+y" and a support hold the same') as caught:
+        scene.update_stage(scene.modal)
+    assert caught.value.key == "grips[0].place"

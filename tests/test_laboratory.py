@@ -1,0 +1,206 @@
+"""Each test of the laboratory against a closed form of its own law, and its definition."""
+
+from __future__ import annotations
+
+import json
+from math import cos, inf, pi, radians, sin, tan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.laboratory import bending, biaxial, cantilever, records, shear
+from spacemap_vtk.laboratory.catalogue import TESTS, find_test
+from spacemap_vtk.laboratory.fabric import Fabric
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.units import parse_quantity
+
+#: A linear sheet: 1 along the weft, 2 along the warp.
+PLATE = Plate(
+    np.array([[4000.0, 600.0, 0.0], [600.0, 6000.0, 0.0], [0.0, 0.0, 30.0]]),
+    np.diag([5e-6, 8e-6, 2e-6]),
+)
+FABRIC = Fabric(PLATE, 0.4e-3, 0.15)
+
+
+def test_units_of_the_instruments() -> None:
+    assert records.GF_PER_CM_DEGREE.size == pytest.approx(56.19, abs=5e-3)
+    assert records.GF_CM2_PER_CM.size == pytest.approx(98.07e-6, abs=5e-9)
+    assert 500 * records.GF_PER_CM.size == pytest.approx(490.3, abs=0.05)
+    for unit, of, name in (
+        (records.GF_PER_CM, "N/m", "gf/cm"),
+        (records.GF_PER_CM_DEGREE, "N/m", "gf/cm/deg"),
+        (records.GF_CM2_PER_CM, "N.m", "gf.cm2/cm"),
+    ):
+        assert unit.size == pytest.approx(parse_quantity(f"1 {name}", of), rel=1e-15)
+
+
+def test_bending_of_a_constant_rigidity_is_a_line() -> None:
+    found = find_test("bending").measure(FABRIC)
+    for direction, rigidity in (("warp", 8e-6), ("weft", 5e-6)):
+        assert found.reading("B", direction).value == pytest.approx(rigidity, rel=1e-12)
+    assert found.curves[0].y[-1] == pytest.approx(8e-6 * 250.0)
+    assert found.reading("2HB", "warp").text == "not modelled"
+
+
+def test_bending_slope_leaves_a_constant_couple_of_friction_out() -> None:
+    curvature = np.linspace(-250.0, 250.0, 501)
+    moment = 1e-5 * curvature + 1e-3 * np.sign(curvature)
+    assert bending.mean_slope(curvature, moment) == pytest.approx(1e-5, rel=1e-12)
+
+
+def test_bent_specimen_is_an_arc() -> None:
+    """Its lines keep their length, and its ends differ by the angle κ L."""
+    states = find_test("bending").measure(FABRIC).states
+    assert states is not None
+    moved = states.points + states.displacements[15]  # the largest curvature
+    middle = (moved[: len(moved) // 2] + moved[len(moved) // 2 :]) / 2
+    line = middle.reshape(25, 5, 3)[:, 0]
+    assert np.linalg.norm(line[-1] - line[0]) == pytest.approx(2 * sin(1.25) / 250.0, rel=1e-9)
+
+
+def test_strip_slopes_by_41_degrees_at_twice_its_bending_length() -> None:
+    """The number is that of an elastica solved as a boundary value problem."""
+    strip = cantilever.find_strip(cantilever.CHORD)
+    assert strip.length == pytest.approx(2.00035, abs=1e-5)
+    arc = np.linspace(0.0, strip.length, 41)
+    solved = solve_bvp(
+        lambda s, y: np.stack([y[1], -(strip.length - s) * np.cos(y[0])]),
+        lambda start, end: np.array([start[0], end[1]]),
+        arc,
+        np.stack([0.5 * arc, np.full_like(arc, 0.5)]),
+        tol=1e-9,
+    )
+    slope = solved.sol(np.linspace(0.0, strip.length, 2001))[0]
+    step = strip.length / 2000
+    run, fall = (((f[1:] + f[:-1]) / 2).sum() * step for f in (np.cos(slope), np.sin(slope)))
+    assert np.arctan2(fall, run) == pytest.approx(cantilever.CHORD, abs=1e-6)
+    assert strip.places[-1] == pytest.approx([run, fall], abs=1e-6)
+
+
+def test_peirces_formula_is_right_within_two_percent() -> None:
+    """It is an approximation of the elastica."""
+    for degrees, error in ((10.0, 0.012), (41.5, 0.021)):
+        strip = cantilever.find_strip(radians(degrees))
+        peirce = cantilever.peirce_length(strip.length, radians(degrees))
+        assert peirce == pytest.approx(1.0, abs=error)
+
+
+def test_cantilever_reads_the_rigidity() -> None:
+    """168 g/m² with a bending length of 15 mm: 5.56 µN·m (Ly and others, 1991)."""
+    fabric = Fabric(Plate(PLATE.membrane, np.diag([5.56e-6, 5.56e-6, 1e-6])), 4e-4, 0.168)
+    found = find_test("cantilever").measure(fabric)
+    assert found.reading("c", "warp").value == pytest.approx(15e-3, rel=1e-3)
+    assert found.reading("B", "overall").value == pytest.approx(5.56e-6, rel=1e-3)
+    with pytest.raises(InputError, match="weight bends it"):
+        find_test("cantilever").measure(Fabric(PLATE, 4e-4))
+
+
+def test_biaxial_pull_of_a_linear_sheet() -> None:
+    """F = λ (A e) with e = (λ² - 1)/2, at 500 gf/cm."""
+    found = find_test("biaxial").measure(FABRIC)
+    for direction, stiffness in (("warp, held", 6000.0), ("weft, held", 4000.0)):
+        extension = found.reading("EMT", direction).value
+        assert extension is not None
+        stretch = 1 + extension
+        assert stiffness * stretch * (stretch**2 - 1) / 2 == pytest.approx(biaxial.LARGEST)
+        work = stiffness * (stretch**2 - 1) ** 2 / 8
+        assert found.reading("WT", direction).value == pytest.approx(work, rel=1e-4)
+    both = found.reading("EMT", "warp, 1:1").value
+    assert both is not None
+    assert 6600.0 * (1 + both) * (both + both**2 / 2) == pytest.approx(biaxial.LARGEST)
+
+
+def test_shear_force_follows_from_the_energy_and_the_pretension() -> None:
+    """With the shear stiffness alone: F = G λ sin φ + W tan φ."""
+    stiff = Plate(np.diag([1e9, 1e9, 30.0]), PLATE.bending)
+    angles = np.radians([-8.0, 1.0, 5.0])
+    force = shear.shear_forces(Fabric(stiff, 4e-4), angles)
+    expected = 30.0 * np.sin(angles) + shear.PRETENSION * np.tan(angles)
+    assert force == pytest.approx(expected, rel=1e-6)
+    assert shear.PRETENSION * tan(radians(1.0)) / records.GF_PER_CM.size == pytest.approx(
+        0.175, abs=5e-4
+    )
+
+
+def test_shear_force_is_the_derivative_of_the_energy() -> None:
+    """Of strain and weight together, by the place of the upper clamp."""
+    angle, weight = radians(6.0), shear.PRETENSION
+
+    def energy(u: float, v: float) -> float:
+        strain = np.array([0.0, (u * u + v * v - 1) / 2, u])
+        return float(strain @ PLATE.membrane @ strain) / 2 - weight * v
+
+    force = float(shear.shear_forces(FABRIC, np.array([angle]))[0])
+    # Newton's steps for v at the given angle
+    stretch = 1.0
+    for _ in range(20):
+        e22 = (stretch**2 - 1) / 2
+        stretch -= (6000.0 * e22 * stretch * cos(angle) - weight) / 6000.0
+    u, v, step = stretch * sin(angle), stretch * cos(angle), 1e-7
+    assert (energy(u, v + step) - energy(u, v - step)) / (2 * step) == pytest.approx(0.0, abs=1e-4)
+    assert (energy(u + step, v) - energy(u - step, v)) / (2 * step) == pytest.approx(
+        force, rel=1e-5
+    )
+
+
+def test_shear_figure_contains_the_pretension() -> None:
+    found = find_test("shear").measure(FABRIC)
+    rigidity = found.reading("G", "warp").value
+    assert rigidity == pytest.approx(30.0 + shear.PRETENSION, rel=2e-3)
+    assert found.reading("2HG5", "weft").text == "not modelled"
+
+
+def test_every_test_states_what_it_prints() -> None:
+    for test in TESTS:
+        found = test.measure(FABRIC)
+        assert {reading.symbol for reading in found.readings} == set(test.prints.split(", "))
+        assert found.states is None or np.isfinite(found.states.displacements).all()
+
+
+def test_command_prints_a_data_sheet(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["measure", "yarn_to_cloth", "--test", "all", "--json"])
+    assert ended.value.code == 0
+    tests = json.loads(capsys.readouterr().out)["tests"]
+    assert list(tests) == [test.name for test in TESTS]
+    (figure,) = (
+        figure
+        for figure in tests["cantilever"]["figures"]
+        if (figure["symbol"], figure["direction"]) == ("c", "warp")
+    )
+    assert figure["value"] == pytest.approx(14.2, abs=0.1)  # as the scene says
+    assert figure["unit"] == "mm"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["plain_weave", "--test", "shear"], "yarns.modulus"),
+        (["yarn_to_cloth", "--test", "bendin"], 'Did you mean "bending"?'),
+        (["yarn_to_cloth", "--test", "shear", "-o", "a.xyz"], ".csv"),
+    ],
+)
+def test_command_refuses(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["measure", *words])
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+def test_command_writes_the_curve(tmp_path: Path) -> None:
+    file = tmp_path / "shear.csv"
+    with pytest.raises(SystemExit) as ended:
+        main(["measure", "yarn_to_cloth", "--test", "shear", "-o", str(file), "-q"])
+    assert ended.value.code == 0
+    heading, *rows = file.read_text().splitlines()
+    assert heading.split(",")[1:3] == ["shear angle [°]", "shear force per width [gf/cm]"]
+    values = np.array([row.split(",")[1:] for row in rows], float)
+    assert values[:, 2] == pytest.approx(values[:, 0] * pi / 180, abs=1e-9)
+    assert values[:, 3] == pytest.approx(values[:, 1] * 0.980665, rel=1e-6)
+    assert inf > abs(values).max() > 0
