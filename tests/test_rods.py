@@ -10,6 +10,7 @@ from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
 from spacemap_vtk.textile.rods.knit import POINTS, draw_knit, relax_knit
 from spacemap_vtk.textile.rods.relax import relax_again, relax_yarns
 from spacemap_vtk.textile.rods.stiffness import cell_stiffness
+from spacemap_vtk.textile.rods.tubes import spline_lines
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 NO_CELL = np.zeros((2, 3))
@@ -171,3 +172,20 @@ def test_rib_and_garter_do_not_curl():
         stiffness = flat_stiffness(spacings(rows)[0], len(rows))[1]
         assert abs(stiffness.moment).max() < 1e-6
         assert np.linalg.eigvalsh(stiffness.membrane).min() > 0.0
+
+
+def test_frames_do_not_twist_along_a_helix():
+    # along a helix a frame without twist turns about the tangent by the torsion
+    turn = np.linspace(0.0, 6 * np.pi, 200)
+    rise = 0.4
+    helix = np.stack([np.cos(turn), np.sin(turn), rise * turn], axis=1)
+    lines = spline_lines([helix], np.array([0.2]))
+    tangent, normal = np.stack(lines.tangent, axis=1), np.stack(lines.normal, axis=1)
+    inwards = -np.stack(lines.place, axis=1) * [1.0, 1.0, 0.0]
+    inwards /= np.linalg.norm(inwards, axis=1)[:, None]
+    across = np.cross(tangent, inwards)
+    angle = np.unwrap(np.arctan2((normal * across).sum(axis=1), (normal * inwards).sum(axis=1)))
+    length = np.append(
+        0.0, np.cumsum(np.linalg.norm(np.diff(np.stack(lines.place), axis=1), axis=0))
+    )
+    assert np.polyfit(length, angle, 1)[0] == pytest.approx(-rise / (1 + rise**2), rel=1e-3)

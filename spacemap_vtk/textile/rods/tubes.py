@@ -89,18 +89,22 @@ def spline_lines(
 
 def _carry_frames(place: Floats, tangent: Floats, up: Floats) -> Floats:
     """Carry a normal along a line without twisting it about the line, (n, 3)."""
-    normal = np.empty_like(place)
-    start = up - tangent[0] * (tangent[0] @ up)
-    if np.linalg.norm(start) < 1e-3:
-        start = np.eye(3)[abs(tangent[0]).argmin()]
-        start = start - tangent[0] * (tangent[0] @ start)
-    normal[0] = start / np.linalg.norm(start)
-    for k in range(len(place) - 1):
-        chord = place[k + 1] - place[k]
-        share = 2.0 / (chord @ chord)
-        turned = normal[k] - share * (chord @ normal[k]) * chord
-        ahead = tangent[k] - share * (chord @ tangent[k]) * chord
-        mirror = tangent[k + 1] - ahead
-        size = mirror @ mirror
-        normal[k + 1] = turned - (2.0 / size * (mirror @ turned) * mirror if size > 0.0 else 0.0)
-    return normal
+    # Any normals will do to begin with: the angles by which they twist are summed and taken away.
+    other = np.eye(3)[abs(tangent).argmin(axis=1)]
+    normal = np.cross(tangent, other)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    side = np.cross(tangent, normal)
+    chord = np.diff(place, axis=0)
+    moved = _reflect(normal[:-1], chord)
+    moved = _reflect(moved, tangent[1:] - _reflect(tangent[:-1], chord))
+    twist = np.arctan2((moved * side[1:]).sum(axis=1), (moved * normal[1:]).sum(axis=1))
+    start = np.arctan2(side[0] @ up, normal[0] @ up)
+    angle = start + np.concatenate([[0.0], np.cumsum(twist)])
+    return np.asarray(np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * side)
+
+
+def _reflect(vectors: Floats, normals: Floats) -> Floats:
+    """Reflect vectors in the planes across normals of any length; zero normals change nothing."""
+    size = (normals * normals).sum(axis=1)
+    share = 2.0 * (normals * vectors).sum(axis=1) / np.where(size > 0.0, size, 1.0)
+    return np.asarray(vectors - share[:, None] * normals)
