@@ -17,7 +17,14 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
-from spacemap_vtk.textile.rods.knit import POINTS, relax_knit, repeat_knit
+from spacemap_vtk.textile.rods.knit import (
+    POINTS,
+    Selvedges,
+    relax_knit,
+    relax_selvedges,
+    repeat_knit,
+    strip_wales,
+)
 from spacemap_vtk.textile.rods.stitches import GRAMMAR, STRUCTURES, parse_rows
 from spacemap_vtk.textile.rods.tubes import PARTS, sweep_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn
@@ -110,17 +117,20 @@ class TextileSource(Textile, Stage):
     )
 
     edges = Choice(
-        "turned",
-        "Sides of the piece. turned: the yarn turns and knits the next course, except where the "
-        "colour changes; cut: each course ends in the middle of a loop.",
-        ["turned", "cut"],
+        "cut",
+        "Sides of the piece. cut: each course is a yarn of its own; turned: the yarn turns at the "
+        "selvedges and knits the next course, except where the colour changes. Selvedges take some "
+        "seconds to relax, and need 3 wales.",
+        ["cut", "turned"],
     )
 
+    #: What was relaxed last, with its digest: a repeat in diameters, and its selvedges.
     _relaxed: tuple[str, list[Yarn], Floats, float] | None = None
+    _selvedges: tuple[str, Selvedges] | None = None
 
     def _rest(self) -> tuple[list[Yarn], Floats, float]:
         """Return the relaxed yarns of a repeat, its cell, and the largest overlap; in diameters."""
-        length = STITCH if self.stitch_length is None else self.stitch_length / self.diameter
+        length = self._stitch_diameters
         key = digest_of("knit", *self.rows, length)
         if self._relaxed is None or self._relaxed[0] != key:
             shape = (len(self.rows), POINTS * len(self.rows[0]), 3)
@@ -134,12 +144,37 @@ class TextileSource(Textile, Stage):
             self._relaxed = key, yarns, found["cell"], float(found["overlap"][0])
         return self._relaxed[1:]
 
+    @property
+    def _stitch_diameters(self) -> float:
+        return STITCH if self.stitch_length is None else self.stitch_length / self.diameter
+
+    def _sides(self) -> Selvedges | None:
+        """Return the relaxed selvedges, in diameters; None if the courses are cut."""
+        if self.edges == "cut" or self.wales < 3:
+            return None
+        yarns, cell, _ = self._rest()
+        strip = strip_wales(len(self.rows[0]), self.wales)
+        key = digest_of("selvedges", *self.rows, self._stitch_diameters, strip)
+        if self._selvedges is None or self._selvedges[0] != key:
+            sides = (-1, -1, 3)
+            found = cache.load(key, left=sides, right=sides, turns=sides, overlap=(1,))
+            if found is None:
+                made = relax_selvedges(
+                    yarns, cell, self._stitch_diameters, self.wales, self.report_progress
+                )
+                found = {"left": made.left, "right": made.right, "turns": made.turns}
+                found["overlap"] = np.array([made.overlap])
+                cache.store(key, **found)
+            overlap = float(found.pop("overlap")[0])
+            self._selvedges = key, Selvedges(**found, wales=strip, overlap=overlap)
+        return self._selvedges[1]
+
     def _courses(self) -> tuple[NDArray[np.uint8], Bools]:
         """Return the colour of each course, and whether its yarn is that of the course below."""
         given = np.reshape(COLOR if self.color is None else self.color, (-1, 3)).astype(np.uint8)
         colors = given[np.arange(self.courses) % len(given)]
         alike = (colors[1:] == colors[:-1]).all(axis=1)
-        return colors, alike & (self.edges == "turned")
+        return colors, alike & (self.edges == "turned" and self.wales >= 3)
 
     @property
     def yarn_diameters(self) -> Floats:
@@ -161,6 +196,8 @@ class TextileSource(Textile, Stage):
     def figures(self) -> list[FabricFigure]:
         """Spacings, loop length, their ratios, thickness, and mass per area."""
         yarns, cell, overlap = self._rest()
+        if (sides := self._sides()) is not None:
+            overlap = max(overlap, sides.overlap)
         wale = float(cell[0, 0]) / len(self.rows[0]) * self.diameter
         course = float(cell[1, 1]) / len(self.rows) * self.diameter
         loop = self.stitch_length or STITCH * self.diameter
@@ -189,7 +226,8 @@ class TextileSource(Textile, Stage):
         )
         yarns, cell, _ = self._rest()
         colors, joined = self._courses()
-        lines = repeat_knit(yarns, cell, self.wales, self.courses, joined.tolist())
+        sides = self._sides()
+        lines = repeat_knit(yarns, cell, self.wales, self.courses, sides, joined.tolist())
         lines = [line * self.diameter for line in lines]
         low, high = (
             end(np.stack([end(line, axis=0) for line in lines]), axis=0) for end in (np.min, np.max)

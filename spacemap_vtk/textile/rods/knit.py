@@ -6,6 +6,7 @@ lengths here are in diameters.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.rods.crossings import find_crossings
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.lift import lift_yarns
-from spacemap_vtk.textile.rods.relax import Relaxed, relax_yarns
+from spacemap_vtk.textile.rods.relax import STAGES, Relaxed, Stage, relax_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Control points of a stitch.
@@ -26,8 +27,16 @@ POINTS = 24
 _NECK, _HEIGHT = 0.18, 0.80
 #: Wale and course spacing of the drawing, as shares of the length of a stitch.
 _WALE, _COURSE = 1 / 4, 1 / 5
-#: Depth of the loops at a selvedge over half of the course spacing.
-_SELVEDGE = 0.6
+#: Control points that a course leaves out at each end, before the middle of a sinker loop, and those
+#: of the first and of the last stitch.
+_CUT = 2
+_SIDE = POINTS - _CUT
+#: Depth of a turn that is drawn over half of the course spacing.
+_DEPTH = 1.2
+#: Stages in which selvedges relax; fewer digits than those of stitches are seen.
+_SIDE_STAGES = (*STAGES[:2], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
+#: Stitches of the strip on which selvedges are relaxed.
+_STRIP = 4
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1: yarns stretch by
 #: less than 0.1 % and overlap by less than 0.6 %.
 _TENSION, _CONTACT = 1e3, 3e3
@@ -108,8 +117,109 @@ def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = N
     return relax_yarns(guess.yarns, guess.cell, mechanics, free, progress=progress)
 
 
+class Selvedges(NamedTuple):
+    """Yarn at both sides of a knit, of as many courses as repeat themselves."""
+
+    left: Floats
+    """(R, k, 3) Control points of the first stitch of each course."""
+    right: Floats
+    """(R, k, 3) Those of the last stitch, for a piece of `wales` stitches."""
+    turns: Floats
+    """(R, m, 3) Control points of the turn after each course: right, left, right, …"""
+    wales: int
+    """Stitches of the strip that was relaxed."""
+    overlap: float
+    """Largest overlap of two yarns, in diameters."""
+
+
+def strip_wales(repeat: int, wales: int) -> int:
+    """Return how many stitches the strip has on which the selvedges of a piece are relaxed.
+
+    Parameters
+    ----------
+    repeat, wales : int
+        Stitches of a repeat, and of the piece.
+
+    Returns
+    -------
+    int
+        So many that the last stitch of the strip is that of the piece.
+    """
+    return wales if wales < _STRIP else _STRIP + (wales - _STRIP) % repeat
+
+
+def relax_selvedges(
+    yarns: Sequence[Yarn], cell: Floats, length: float, wales: int, progress: Progress | None = None
+) -> Selvedges:
+    """Relax the sides of a knit whose yarn turns after each course, at the right and left in turn.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Relaxed yarns of a repeat, one for each row, in diameters.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors.
+    length : float
+        Length of yarn in a stitch [diameters].
+    wales : int
+        Stitches of the piece, 3 or more.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1; may raise to stop.
+
+    Returns
+    -------
+    Selvedges
+        Of a narrow strip whose inner stitches stay as they are.
+
+    Raises
+    ------
+    SolverError
+        If the yarns do not come to rest.
+    """
+    rows, strip = int(np.lcm(2, len(yarns))), strip_wales(len(yarns[0].points) // POINTS, wales)
+    courses = [_course(yarns, cell, strip, row) for row in range(rows + 1)]
+    sizes, points, held = [], [], []
+    for row, (line, above) in enumerate(itertools.pairwise(courses)):
+        side = 1.0 if row % 2 == 0 else -1.0
+        inner = np.zeros(len(line), dtype=bool)
+        inner[_SIDE:-_SIDE] = True
+        line, above = (each if side > 0 else each[::-1] for each in (line, above))
+        turn = _draw_turn(line[-1], above[-1], side, length / POINTS)
+        points += [line, turn]
+        held += [inner, np.zeros(len(turn), dtype=bool)]
+        sizes.append(len(turn))
+    period = np.stack([np.zeros(3), rows // len(yarns) * cell[1]])
+    mechanics = RodMechanics(
+        np.array([_TENSION]), np.ones(1), _CONTACT, np.array([length / POINTS])
+    )
+    found = relax_yarns(
+        [Yarn(np.concatenate(points), (0, 1))],
+        period,
+        mechanics,
+        np.zeros((2, 3), dtype=bool),
+        held=np.concatenate(held),
+        stages=_SIDE_STAGES,
+        progress=progress,
+    )
+    ends = np.cumsum([len(part) for part in points])[:-1]
+    parts = np.split(found.yarns[0].points, ends)
+    lines = [line if row % 2 == 0 else line[::-1] for row, line in enumerate(parts[::2])]
+    return Selvedges(
+        np.stack([line[:_SIDE] for line in lines]),
+        np.stack([line[-_SIDE:] for line in lines]),
+        np.stack(parts[1::2]),
+        strip,
+        found.overlap,
+    )
+
+
 def repeat_knit(
-    yarns: Sequence[Yarn], cell: Floats, wales: int, courses: int, joined: Sequence[bool]
+    yarns: Sequence[Yarn],
+    cell: Floats,
+    wales: int,
+    courses: int,
+    selvedges: Selvedges | None = None,
+    joined: Sequence[bool] = (),
 ) -> list[Floats]:
     """Repeat the yarns of a cell over a piece of knit.
 
@@ -121,9 +231,10 @@ def repeat_knit(
         Period vectors.
     wales, courses : int
         Stitches across, and rows.
-    joined : sequence of bool
-        For each course but the first, whether the yarn of the course below turns at the selvedge
-        and knits it, too; it turns at the right and at the left in turn.
+    selvedges : Selvedges, optional
+        Sides at which the yarn turns; without them each course is a yarn of its own.
+    joined : sequence of bool, optional
+        For each course but the last, whether its yarn turns and knits the next course.
 
     Returns
     -------
@@ -132,33 +243,39 @@ def repeat_knit(
     """
     lines: list[Floats] = []
     for course in range(courses):
-        turn, row = divmod(course, len(yarns))
-        line = _course(yarns[row].points, cell[0], wales) + turn * cell[1]
-        if course and joined[course - 1]:
-            # the yarn below ends at the right if an odd number of courses was knitted
-            goes_left = bool((lines[-1][-1] - lines[-1][-2])[0] > 0.0)
-            line = line[::-1] if goes_left else line
-            lines[-1] = np.concatenate([lines[-1], _selvedge(lines[-1], line), line])
-        else:
+        line = _course(yarns, cell, wales, course)
+        if selvedges is None:
             lines.append(line)
+            continue
+        turn, row = divmod(course, len(selvedges.left))
+        up = turn * (len(selvedges.left) // len(yarns)) * cell[1]
+        across = (wales - selvedges.wales) / (len(yarns[0].points) // POINTS) * cell[0]
+        line[:_SIDE] = selvedges.left[row] + up
+        line[-_SIDE:] = selvedges.right[row] + up + across
+        line = line if row % 2 == 0 else line[::-1]
+        if course and joined[course - 1]:
+            line = np.concatenate([lines.pop(), line])
+        if course < courses - 1 and joined[course]:
+            end = selvedges.turns[row] + up + (across if row % 2 == 0 else 0.0)
+            line = np.concatenate([line, end])
+        lines.append(line)
     return lines
 
 
-def _course(points: Floats, period: Floats, wales: int) -> Floats:
-    """Return the control points of a course, from the middle of a sinker loop to another one."""
-    first, count = POINTS // 2, POINTS * wales + 3
-    turn, index = np.divmod(np.arange(first, first + count), len(points))
-    return np.asarray(points[index] + (turn - 1)[:, None] * period)
+def _course(yarns: Sequence[Yarn], cell: Floats, wales: int, course: int) -> Floats:
+    """Return the control points of a course, between the middles of two sinker loops."""
+    turn, row = divmod(course, len(yarns))
+    points = yarns[row].points
+    first, count = POINTS // 2 + _CUT, POINTS * wales + 3 - 2 * _CUT
+    period, index = np.divmod(np.arange(first, first + count), len(points))
+    return np.asarray(points[index] + (period - 1)[:, None] * cell[0] + turn * cell[1])
 
 
-def _selvedge(below: Floats, above: Floats) -> Floats:
+def _draw_turn(start: Floats, end: Floats, side: float, step: float) -> Floats:
     """Draw the half ellipse by which a yarn turns from the end of a course to the next one."""
-    start, end = below[-1], above[0]
-    outwards = start - below[-2]
-    outwards[1:] = 0.0
-    radius = (end - start) / 2
+    middle, radius = (start + end) / 2, (start - end) / 2
     size = float(np.linalg.norm(radius))
-    step = float(np.linalg.norm(np.diff(below[-4:], axis=0), axis=1).mean())
-    angle = np.linspace(0.0, np.pi, max(3, round(np.pi * size / step)) + 1)[1:-1, None]
-    way = outwards / np.linalg.norm(outwards) * (_SELVEDGE * size)
-    return np.asarray((start + end) / 2 - radius * np.cos(angle) + way * np.sin(angle))
+    count = max(3, round(np.pi * size / step))
+    angle = np.linspace(0.0, np.pi, count + 1)[1:-1, None]
+    outwards = np.array([side * _DEPTH * size, 0.0, 0.0])
+    return np.asarray(middle + radius * np.cos(angle) + outwards * np.sin(angle))

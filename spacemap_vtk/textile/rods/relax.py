@@ -80,12 +80,14 @@ def relax_yarns(
     mechanics: RodMechanics,
     free: Bools,
     *,
+    held: Bools | None = None,
+    stages: Sequence[Stage] = STAGES,
     progress: Progress | None = None,
     max_steps: int = 1000,
 ) -> Relaxed:
     """Relax yarns in a periodic cell to their least energy."""
     # `cell` has two period vectors, zero where yarns do not repeat themselves; its components that
-    # are `free` follow the yarns. Raises GeometryError if it is not clear at the start which of two
+    # are `free` follow the yarns. Control points that are `held`, (n,), stay. Raises GeometryError if it is not clear at the start which of two
     # yarns is above, and SolverError if they do not come to rest.
     energy = RodEnergy(sample_yarns(yarns), mechanics)
     z = unknowns(yarns, cell)
@@ -99,11 +101,13 @@ def relax_yarns(
         )
     moves = np.ones(z.shape, dtype=bool)
     moves[-2:] = free
+    if held is not None:
+        moves[:-2] = ~held[:, None]
     search = _Search(energy, np.flatnonzero(moves), max_steps)
-    for number, stage in enumerate(STAGES, 1):
+    for number, stage in enumerate(stages, 1):
         z = search.run(z, stage)
         if progress is not None:
-            progress(number / len(STAGES))
+            progress(number / len(stages))
     state = energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
     ends = np.cumsum([len(yarn.points) for yarn in yarns])[:-1]
     return Relaxed(
