@@ -27,8 +27,8 @@ POINTS = 24
 _NECK, _HEIGHT = 0.18, 0.80
 #: Wale and course spacing of the drawing, as shares of the length of a stitch.
 _WALE, _COURSE = 1 / 4, 1 / 5
-#: Control points that a course leaves out at each end, before the middle of a sinker loop, and those
-#: of the first and of the last stitch.
+#: Control points that a course leaves out at each end, before the middle of a sinker loop, and
+#: those of the first and of the last stitch.
 _CUT = 2
 _SIDE = POINTS - _CUT
 #: Depth of a turn that is drawn over half of the course spacing.
@@ -110,11 +110,15 @@ def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = N
             allowed=f"{SHORTEST:g} to {LONGEST:g} diameters; usual knits have 14 to 25",
         )
     guess, count = draw_knit(rows, length), len(rows)
-    mechanics = RodMechanics(
-        np.full(count, _TENSION), np.ones(count), _CONTACT, np.full(count, length / POINTS)
-    )
+    mechanics = _mechanics(count, length)
     free = np.array([[True, False, False], [False, True, False]])
     return relax_yarns(guess.yarns, guess.cell, mechanics, free, progress=progress)
+
+
+def _mechanics(count: int, length: float) -> RodMechanics:
+    """Return the stiffness of yarns with a given length in a stitch, all in diameters."""
+    ones = np.ones(count)
+    return RodMechanics(_TENSION * ones, ones, _CONTACT, length / POINTS * ones)
 
 
 class Selvedges(NamedTuple):
@@ -178,7 +182,7 @@ def relax_selvedges(
     """
     rows, strip = int(np.lcm(2, len(yarns))), strip_wales(len(yarns[0].points) // POINTS, wales)
     courses = [_course(yarns, cell, strip, row) for row in range(rows + 1)]
-    sizes, points, held = [], [], []
+    points, held = [], []
     for row, (line, above) in enumerate(itertools.pairwise(courses)):
         side = 1.0 if row % 2 == 0 else -1.0
         inner = np.zeros(len(line), dtype=bool)
@@ -187,11 +191,8 @@ def relax_selvedges(
         turn = _draw_turn(line[-1], above[-1], side, length / POINTS)
         points += [line, turn]
         held += [inner, np.zeros(len(turn), dtype=bool)]
-        sizes.append(len(turn))
     period = np.stack([np.zeros(3), rows // len(yarns) * cell[1]])
-    mechanics = RodMechanics(
-        np.array([_TENSION]), np.ones(1), _CONTACT, np.array([length / POINTS])
-    )
+    mechanics = _mechanics(1, length)
     found = relax_yarns(
         [Yarn(np.concatenate(points), (0, 1))],
         period,

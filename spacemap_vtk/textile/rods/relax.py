@@ -87,8 +87,9 @@ def relax_yarns(
 ) -> Relaxed:
     """Relax yarns in a periodic cell to their least energy."""
     # `cell` has two period vectors, zero where yarns do not repeat themselves; its components that
-    # are `free` follow the yarns. Control points that are `held`, (n,), stay. Raises GeometryError if it is not clear at the start which of two
-    # yarns is above, and SolverError if they do not come to rest.
+    # are `free` follow the yarns. Control points that are `held`, (n,), stay. Raises GeometryError
+    # if it is not clear at the start which of two yarns is above, and SolverError if they do not
+    # come to rest.
     energy = RodEnergy(sample_yarns(yarns), mechanics)
     z = unknowns(yarns, cell)
     nearest = 1.0 - largest_overlap(energy, z)

@@ -37,24 +37,8 @@ class CellStiffness(NamedTuple):
 def cell_stiffness(
     yarns: Sequence[Yarn], cell: Floats, mechanics: RodMechanics, free: Bools
 ) -> CellStiffness:
-    """Compute the stiffness of a textile from its relaxed yarns.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Relaxed yarns.
-    cell : ndarray of float64, shape (2, 3)
-        Period vectors along x and y [m].
-    mechanics : RodMechanics
-        Stiffness of the yarns.
-    free : ndarray of bool, shape (2, 3)
-        Components of the periods that follow the yarns when the cell is bent.
-
-    Returns
-    -------
-    CellStiffness
-        Membrane, bending, and the moments of a textile that would curl.
-    """
+    """Compute the stiffness of a textile from its relaxed yarns."""
+    # Components of the periods that are `free` follow the yarns when the cell is bent.
     membrane = _membrane(yarns, cell, mechanics)
     along = [_bending(yarns, cell, mechanics, free)]
     # To bend along y, x and y are exchanged.
