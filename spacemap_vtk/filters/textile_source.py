@@ -27,7 +27,7 @@ from spacemap_vtk.textile.rods.knit import (
 )
 from spacemap_vtk.textile.rods.stitches import GRAMMAR, STRUCTURES, parse_rows
 from spacemap_vtk.textile.rods.tubes import PARTS, sweep_yarns
-from spacemap_vtk.textile.rods.yarns import Yarn
+from spacemap_vtk.textile.rods.yarns import Yarn, measure_thickness
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
 
 #: Length of yarn in a stitch, in diameters, if none is given.
@@ -201,7 +201,7 @@ class TextileSource(Textile, Stage):
         wale = float(cell[0, 0]) / len(self.rows[0]) * self.diameter
         course = float(cell[1, 1]) / len(self.rows) * self.diameter
         loop = self.stitch_length or STITCH * self.diameter
-        height = np.concatenate([yarn.points[:, 2] for yarn in yarns])
+        thickness = measure_thickness(yarns, cell) * self.diameter
         mass = float(self.linear_densities[0]) * loop / (wale * course)
         return [
             FabricFigure("course_spacing", "course spacing", course, "m"),
@@ -209,7 +209,7 @@ class TextileSource(Textile, Stage):
             FabricFigure("loop_length", "loop length", loop, "m"),
             FabricFigure("kc", "loop length over course spacing", loop / course),
             FabricFigure("kw", "loop length over wale spacing", loop / wale),
-            FabricFigure("thickness", "thickness", (np.ptp(height) + 1.0) * self.diameter, "m"),
+            FabricFigure("thickness", "thickness", thickness, "m"),
             FabricFigure("areal_mass", "mass per area", mass, "kg/m2"),
             FabricFigure("largest_overlap", "largest overlap over the diameter", overlap),
         ]

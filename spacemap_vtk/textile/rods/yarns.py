@@ -142,6 +142,27 @@ def sample_yarns(
     )
 
 
+def measure_thickness(yarns: Sequence[Yarn], cell: Floats) -> float:
+    """Compute the thickness of a textile.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Yarns of a cell.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors, across z [m].
+
+    Returns
+    -------
+    float
+        Distance from its lowest to its highest point along z [m].
+    """
+    samples = sample_yarns(yarns)
+    height = samples.places(unknowns(yarns, cell))[:, 2]
+    radius = samples.diameter[samples.yarn] / 2
+    return float((height + radius).max() - (height - radius).min())
+
+
 def image_matrices(shift: Ints, turn: float) -> tuple[Floats, Floats, Floats]:
     """Compute the matrices of R, a B and b of images (…, 2), each of shape (…, 3, 3)."""
     a, b = shift[..., 0], shift[..., 1]

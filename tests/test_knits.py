@@ -1,0 +1,80 @@
+"""Knits as scenes: their yarns, colours, figures and refusals."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.errors import GeometryError, InputError
+from spacemap_vtk.filters.patch_tessellator import PatchTessellator
+from spacemap_vtk.filters.textile_source import TextileSource
+from spacemap_vtk.textile.rods.stitches import parse_rows
+
+
+def called(*words):
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    return int(ended.value.code or 0)
+
+
+def test_rows_are_written_by_name_or_by_letters():
+    assert parse_rows("Rib 1x1") == ("kp",)
+    assert parse_rows("k2p, p k2") == ("kkp", "pkk")
+    for wrong in ("brioche", "kp, k", "k0", "", []):
+        with pytest.raises(InputError):
+            parse_rows(wrong)
+
+
+def test_a_piece_has_its_stitches_and_stripes():
+    red, white = (200, 0, 0), (255, 255, 255)
+    knit = TextileSource(wales=5, courses=4, color=[red, white], diameter="1 mm")
+    output = knit.update().output
+    spacing = {figure.key: figure.value for figure in knit.figures}
+    low, high = np.reshape(output.GetBounds(), (3, 2)).T
+    # one more loop than spacings stands out at the upper and at the lower edge
+    assert (high - low)[0] == pytest.approx(5 * spacing["wale_spacing"], rel=0.05)
+    assert (high - low)[1] > 4 * spacing["course_spacing"]
+    surface = PatchTessellator(subdivisions=4)
+    (knit >> surface).update()
+    thick = np.subtract(*surface.output.GetBounds()[:3:-1])
+    assert thick == pytest.approx(spacing["thickness"], rel=0.01)
+    yarn, color = (vtk_to_numpy(output.GetCellData().GetArray(n)) for n in ("yarn", "color"))
+    assert set(yarn) == {0, 1, 2, 3}
+    assert {tuple(c) for c in color[yarn % 2 == 0]} == {red}
+    assert {tuple(c) for c in color[yarn % 2 == 1]} == {white}
+
+
+@pytest.mark.nightly
+def test_selvedges_make_one_yarn_of_a_piece_without_overlap():
+    knit = TextileSource(wales=5, courses=4, edges="turned", color=["#ff0000", "#ff0000"])
+    output = knit.update().output
+    assert set(vtk_to_numpy(output.GetCellData().GetArray("yarn"))) == {0}
+    assert len(knit.yarn_diameters) == 1
+    assert {f.key: f.value for f in knit.figures}["largest_overlap"] < 0.008
+
+
+def test_a_knit_weighs_what_its_yarn_does():
+    knit = TextileSource(diameter="0.5 mm", stitch_length="8 mm")
+    found = {figure.key: figure.value for figure in knit.figures}
+    stitch = found["course_spacing"] * found["wale_spacing"]
+    assert found["areal_mass"] == pytest.approx(knit.linear_densities[0] * 8e-3 / stitch)
+
+
+def test_stitches_that_cannot_be_are_refused(capsys):
+    with pytest.raises(GeometryError, match="too little or too much yarn"):
+        TextileSource(stitch_length="2 mm").update()
+    assert called("info", "stockinette", "--set", "textile.rows=kx") == 2
+    message = capsys.readouterr().err
+    assert "kx" in message
+    assert "knit" in message
+
+
+def test_info_names_the_textile(capsys):
+    assert called("info", "stockinette", "--json") == 0
+    found = json.loads(capsys.readouterr().out)["textile"]
+    assert found["loop_length"] / found["course_spacing"] == pytest.approx(5.42, rel=0.005)
+    assert found["largest_overlap"] < 0.005
