@@ -254,8 +254,13 @@ def reaction_figures(figures: dict[str, Any]) -> list[Figure]:
         moment = format_vector(each["moment"], "N.m", rounding=1e-9 * size)
         point = format_vector(each["point"], "m", rounding=1e-9)
         name = f"{each['kind']} {each['name']}".strip()
+        error = each.get("force_error")
+        if error is not None and error > 1e-9 * size:
+            force += f" ± {format_quantity(error, 'N', 2)}"
+        if (twist := each.get("moment_error")) is not None and twist > 1e-9 * size:
+            moment += f" ± {format_quantity(twist, 'N.m', 2)}"
         text = f"{force}, moment {moment} about {point}"
-        found.append(Figure(f"reaction_{number}", f"reaction of {name}", text, size, "N"))
+        found.append(Figure(f"reaction_{number}", f"reaction of {name}", text, size, "N", error))
     return found
 
 

@@ -101,6 +101,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
     dict
         Figures by name. ``error`` of a mode is relative; other errors have the unit of their
         figure. An error is None if it is not estimated; ``errors_missing`` then says why.
+        ``unconverged`` is a sentence about figures that are not converged, or None.
 
     Raises
     ------
@@ -168,6 +169,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         **figures,
         "path": report_path(scene.modal),
         "errors_missing": missing or None,
+        "unconverged": doubts if estimates is not None and doubts else None,
         "applicability": [finding.as_json() for finding in collect_findings(scene)],
         "warnings": scene.warnings,
     }
