@@ -39,8 +39,9 @@ def check_folds(
     """Check the folds of a sheet against its cells, and against the thickness of its cloth."""
     if surface is None:
         return
-    turn, curvature = find_tightest_fold(rest, moved, surface)
+    turn, curvature, lean = find_tightest_fold(rest, moved, surface)
     stage.check_limit("fold", turn)
+    stage.check_limit("lean", lean)
     cloth = cloth_of(grid)
     if cloth is not None:
         stage.check_limit("thick_fold", (cloth.level + cloth.sheet_thickness / 2) * curvature)
