@@ -270,7 +270,8 @@ class ModesTab(QWidget):
             return
         texts = format_errors(align_decimals(result.frequencies), result.errors)
         for number, text in enumerate(texts):
-            self.table.item(number, _FREQUENCY).setText(text)
+            # The font is proportional: spaces align nothing.
+            self.table.item(number, _FREQUENCY).setText(" ".join(text.split()))
         self.unresolved.setText(result.note)
         self.unresolved.setVisible(bool(result.note))
         self._fit_columns()
