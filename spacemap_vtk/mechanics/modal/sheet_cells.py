@@ -94,4 +94,5 @@ def choose_sheet_cells(
     if math.prod(wanted) <= MOST_CELLS:
         return SheetCells(wanted, wanted)
     width = max(math.sqrt(sides[0] * sides[1] / MOST_CELLS), max(sides) / MOST_CELLS)
-    return SheetCells((max(int(sides[0] / width), 1), max(int(sides[1] / width), 1)), wanted)
+    first, second = (max(math.floor(side / width + 1e-9), 1) for side in sides)
+    return SheetCells((first, second), wanted)
