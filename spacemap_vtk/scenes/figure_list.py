@@ -165,6 +165,22 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
             if several:
                 key, text = f"{key}_{side}", f"{label}, {side}"
             found.append(Figure(key, text, parameter.format_figure(each), each, parameter.unit))
+        if name == "bending_rigidity":
+            found += _bending_bounds(figures)
+    return found
+
+
+def _bending_bounds(figures: dict[str, Any]) -> list[Figure]:
+    """Return the bending rigidities with free and with rigid arcs of the yarns."""
+    found, parameter = [], ModalSolver.parameter("bending_rigidity")
+    for arcs, values in figures.get("bending_bounds", {}).items():
+        texts = [parameter.format_figure(v) if math.isfinite(v) else "jammed" for v in values]
+        alike = texts[0] == texts[1]
+        for side, each, text in zip(("warp", "weft")[: 2 - alike], values, texts, strict=False):
+            key, label = f"sheet_bending_{arcs}_arcs", f"    with {arcs} arcs"
+            if not alike:
+                key, label = f"{key}_{side}", f"{label}, {side}"
+            found.append(Figure(key, label, text, each, parameter.unit))
     return found
 
 

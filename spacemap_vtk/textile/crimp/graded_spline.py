@@ -57,11 +57,6 @@ class GradedKnots:
             result[3:-3] += left[3:-3]  # the others are outside of the knots
         return result
 
-    @property
-    def step(self) -> float:
-        """Distance of the knots at zero."""
-        return self._fine * float(np.sinh(self._ratio))
-
     def find_cells(self, x: Floats) -> tuple[Ints, Floats]:
         """Find the cell of each place, and the distance from its first knot."""
         found = np.arcsinh(x / self._fine) / self._ratio + self._count
