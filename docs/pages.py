@@ -81,7 +81,8 @@ def applicability() -> Iterator[str]:
     """Yield the ranges in which the models of each stage are valid."""
     yield "# What each model can do\n"
     yield "Every model has a range. Stages measure where in it a scene is, and warn if it is"
-    yield "beyond. `spacemap info` lists values and limits (in JSON `applicability`).\n"
+    yield "beyond. `spacemap info` lists values and limits (in JSON `applicability`). How cloth"
+    yield "from its yarns compares with real cloth: [](../explanation/measured_cloth.md).\n"
     for section, owner in section_classes().items():
         limits = [limit for limit in LIMITS.values() if limit.stage == section]
         if not limits:

@@ -181,9 +181,24 @@ LIMITS: dict[str, Limit] = {
         unit="deg",
         basis="clamped strips that hang, 4 and 7.3 bending lengths long: their ends are wrong by "
         "0.5 to 2 % of the length at 60°, 2 to 5 % at 90° (`tests/test_applicability.py`)",
-        beyond="such a fold is as wide as the cells, not as the cloth",
+        beyond="it bends too softly in this fold",
         cure="increase cage.divisions, so that cells are narrower than a third of the bending "
         "length",
+    ),
+    "lean": Limit(
+        stage="modal",
+        model="a sheet whose shear is sampled at edges",
+        assumes="normals of vertices that stay upright on the cells around them",
+        quantity="largest angle between the normal of a vertex and its cells",
+        found="a normal leans by {} against the cells around it",
+        most=math.radians(45.0),
+        unit="deg",
+        basis="normals that lean to opposite sides at the ends of an edge are upright on average; "
+        "in cells six times as wide as the radius of a bend they save more than 80 % of its energy "
+        "(`tests/test_applicability.py`); normals at a clamp lean by half the turn of its cell",
+        beyond="the fold has lost most of its rigidity",
+        cure="increase cage.divisions, so that cells are no longer than the radius of the folds, "
+        "along both sides",
     ),
     "strain": Limit(
         stage="modal",
@@ -221,8 +236,8 @@ LIMITS: dict[str, Limit] = {
         found="",
         most=math.inf,
         unit="",
-        basis="sources in `spacemap_vtk.textile.crimp.stiffness`; compared with measured cloth in "
-        "[](../explanation/measured_cloth.md)",
+        basis="the papers that `spacemap_vtk.textile.crimp.stiffness` names; the page of measured "
+        "cloth compares",
         beyond="bending is that of yarns without friction, the least possible; set yarns that "
         "press less at crossings shear more softly",
         cure="give the measured values ([modal] bending_rigidity, shear_rigidity) where there are",

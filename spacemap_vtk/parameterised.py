@@ -59,6 +59,9 @@ class Parameter(Generic[T]):
         What ``None`` means, e.g. ``"the middle of the feasible interval"``. If given, users can
         write `AUTOMATIC`. If the default is another value, that default is for cloth only: in a
         scene of any other object the parameter is automatic, see `default_for`.
+    automatic_in_scenes : bool, optional
+        Whether the parameter is automatic in a scene of cloth, too. The default is then for a
+        filter that is used alone, which cannot know what the automatic value depends on.
     group : str, optional
         Heading above the parameter in a window.
     when : mapping, optional
@@ -78,6 +81,7 @@ class Parameter(Generic[T]):
         *,
         unit: str = "",
         automatic: str = "",
+        automatic_in_scenes: bool = False,
         group: str = "",
         when: Mapping[str, Sequence[Any]] = MappingProxyType({}),
     ) -> None:
@@ -88,6 +92,7 @@ class Parameter(Generic[T]):
         self.help = help
         self.unit = unit
         self.automatic = automatic
+        self.automatic_in_scenes = automatic_in_scenes
         self.name = ""
         self._default = default
 
@@ -203,7 +208,7 @@ class Parameter(Generic[T]):
         return self._default is None
 
     def default_for(self, of_object: bool) -> T:
-        """Return the value used if none is given: the default, or None if that is for cloth only.
+        """Return the value that a scene uses if it gives none.
 
         Parameters
         ----------
@@ -213,9 +218,11 @@ class Parameter(Generic[T]):
         Returns
         -------
         T
-            None if the value is automatic.
+            None if the value is automatic; otherwise the default.
         """
-        return None if of_object and self.automatic else self.default  # type: ignore[return-value]
+        if self.automatic_in_scenes or (of_object and self.automatic):
+            return None  # type: ignore[return-value]
+        return self.default
 
     def is_automatic(self, value: Any) -> bool:
         """Return whether a user's value is the word `AUTOMATIC`.
@@ -316,8 +323,11 @@ class Parameter(Generic[T]):
     @property
     def default_text(self) -> str:
         """The default in words."""
-        of_object = f"; for an object {AUTOMATIC}" if self.automatic and not self.optional else ""
-        return self.format(self.default) + of_object
+        text = self.format(self.default)
+        if self.optional or not self.automatic:
+            return text
+        where = "in a scene" if self.automatic_in_scenes else "for an object"
+        return f"{text}; {where} {AUTOMATIC}"
 
 
 class Parameterised:
@@ -436,7 +446,7 @@ class Parameterised:
 
     @classmethod
     def defaults_for(cls, of_object: bool) -> dict[str, Any]:
-        """Return the values used if none are given, where they differ from the defaults.
+        """Return the values that a scene uses if it gives none, where they are not the defaults.
 
         Parameters
         ----------
@@ -446,7 +456,7 @@ class Parameterised:
         Returns
         -------
         dict of str to object
-            By name; empty for cloth.
+            By name.
         """
         every = {name: (p.default_for(of_object), p.default) for name, p in cls.parameters.items()}
         return {name: usual for name, (usual, default) in every.items() if usual != default}

@@ -11,10 +11,16 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.optimize import brentq
-from test_equilibrium import WEIGHT, strip, tip_position
+from test_equilibrium import BENDING, WEIGHT, sheet, strip, tip_position
 
 from spacemap_vtk.applicability import LIMITS, Finding, Limit, LimitWarning, add_warning
-from spacemap_vtk.mechanics.elements.deformation import largest_stretch, shear_angles
+from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.mechanics.elements.deformation import (
+    find_tightest_fold,
+    largest_stretch,
+    shear_angles,
+)
+from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.report import report_fabric
 from spacemap_vtk.scenes.scene import Scene
@@ -117,6 +123,35 @@ def test_folds_within_the_limit_are_right_within_two_percent(
     exact = ends[2] + (ends[2] - ends[1]) / 3  # errors fall with the square of the cells
     assert turns[0] == pytest.approx(LIMITS["fold"].most, rel=0.06)
     assert np.linalg.norm(ends[0] - exact) == pytest.approx(wrong, rel=0.25)
+
+
+def test_normals_lean_aside_in_cells_that_are_long_beside_a_fold() -> None:
+    """Bent to a radius of 20 mm in cells 120 mm wide: aside, normals save most of the energy."""
+    radius, length, width = 0.02, 0.03, 0.12
+    made = sheet((length, width), (3, 1))
+    count = len(made.middle)
+    angle, half = made.middle[:, 0] / radius, made.start[count:, 2:]
+    around = np.stack([np.sin(angle), 0 * angle, 1 - np.cos(angle)], axis=1)
+    # Chords are as long as the cells, so that nothing is stretched.
+    middle = radius * 0.25 / math.sin(0.25) * around + made.middle * [0, 1, 0]
+    upright = half * np.stack([-np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    side = np.where(made.middle[:, 1] > width / 2, 1.0, -1.0)
+    aside = half * side[:, None] * [0, 1, 0]
+    bent, leaning = (
+        sum(each.energy(np.concatenate([middle, normals])) for each in made.strains)
+        for normals in (upright, aside)
+    )
+    exact = BENDING * length * width / (2 * radius**2)
+    assert bent == pytest.approx(exact, rel=0.05)
+    assert leaning < 0.2 * bent
+    points, cells = build_lattice((0, length, 0, width, -half[0, 0], half[0, 0]), (3, 1, 1))
+    surface = find_mid_surface(points, cells)
+    assert surface is not None
+    for normals, lean in ((upright, 0.25), (aside, math.pi / 2)):
+        moved = surface.to_vertices(np.concatenate([middle, normals]))
+        fold = find_tightest_fold(points, moved, surface)
+        assert fold.lean == pytest.approx(lean)
+        assert fold.turn == pytest.approx(0.5 if lean < 1 else math.pi)
 
 
 def test_linear_laws_differ_by_15_percent_at_the_limit() -> None:

@@ -71,7 +71,8 @@ def drift(motion: SteppedMotion) -> float:
 def samples_of(motion: SteppedMotion, row: FloatArray) -> FloatArray:
     """Return the positions of the samples of the first obstacle in a state, (E, m, 3)."""
     (term, *_) = motion._obstacles()
-    nodal = motion._integrator._nodal(row[8 : 8 + (len(row) - 8) // 2])
+    head = motion._head
+    nodal = motion._integrator._nodal(row[head : head + (len(row) - head) // 2])
     return term.obstacle_term.samples.positions(nodal)
 
 

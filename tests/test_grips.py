@@ -13,14 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.cage.lattice import build_lattice
-from spacemap_vtk.datasets.reactions import path_reactions_of
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.reactions import path_reactions_of, reactions_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.boundary.grips import Grip, held_by, make_grip
+from spacemap_vtk.filters.transient_response import TransientResponse
+from spacemap_vtk.mechanics.boundary.grips import Grip, GripMotion, held_by, make_grip
 from spacemap_vtk.mechanics.boundary.reactions import Reaction, find_bearings
+from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction, harmonic, step, table
 from spacemap_vtk.mechanics.contact.path import states_on_path
 from spacemap_vtk.mechanics.contact.reactions import list_reactions
 from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.modal.cage_modes import CageModes
+from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.transient.stepper import SteppedMotion
 from spacemap_vtk.scenes.figure_list import cloth_figures
 from spacemap_vtk.scenes.report import report_fabric, report_modes
 from spacemap_vtk.scenes.scene import Scene
@@ -191,3 +197,81 @@ def test_two_that_hold_the_same_vertex_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r'grip "\+y" and a support hold the same') as caught:
         scene.update_stage(scene.modal)
     assert caught.value.key == "grips[0].place"
+
+
+def stepped(function: TimeFunction, gravity: float = 0.0) -> tuple[SteppedMotion, Grip]:
+    """Return the motion of a strip, one end of which is moved and turned in time."""
+    points, cells = sheet(0.1, 0.02, (4, 1))
+    motion = GripMotion(np.array([0.002, 0.002, 0.004]), np.array([0.5, 0.3, 0.1]), function)
+    grip = make_grip(points, "+x")._replace(motion=motion)
+    bearings = find_bearings(points, ["-x"], [grip])
+    held = np.any([each.shares.any(axis=2) for each in bearings], axis=0)
+    model = Model(points, cells, PLATE, 0.15 / THICKNESS, held)
+    cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
+    load = cage.load_vector("gravity", (0, 0, -gravity), step())
+    bounds = {"max_step": 2e-3, "tolerance": math.inf}
+    held_by_both = {"grips": [grip], "bearings": bearings}
+    return SteppedMotion(cage, [load], Damping(beta=1e-3), **bounds, **held_by_both), grip
+
+
+@pytest.mark.parametrize("function", [table([0, 0.01], [0, 1]), harmonic(10.0)])
+def test_work_of_a_grip_is_the_energy_that_the_body_gains(function: TimeFunction) -> None:
+    """Exactly, in steps of any length; and forces over time are the change of momentum."""
+    motion, grip = stepped(function, 9.81)
+    motion.step_until(0.016)
+    assert grip.motion is not None
+    found = motion.at_time(motion.states[5, 0])[0]
+    displacement, _ = grip.motion.displace(motion.points, grip.center, motion.states[5, 0])
+    np.testing.assert_allclose(found[grip.held], displacement[grip.held], atol=1e-12)
+    times, _, kinetic, strain, lost, work, _, _, gripped = motion.states[:, :9].T
+    np.testing.assert_allclose(kinetic + strain + lost, work, atol=1e-10 * abs(work).max())
+    # Without loads all of the work is the grip's.
+    assert motion.grip_work(times[-1:])[0] == pytest.approx(gripped[-1] * motion.model.modulus)
+    alone, _ = stepped(function)
+    alone.step_until(0.008)
+    np.testing.assert_allclose(alone.states[:, 8], alone.states[:, 5], rtol=1e-12)
+    # Momentum, at the times of states, of rates that the mass matrix turns into momenta.
+    weight, model = np.array([0, 0, -9.81]) * motion.model.nodal_mass.sum(), motion.model
+    whole = model.mass
+    spans = np.diff(times)
+    begins, ends = np.flatnonzero(spans > 0), np.flatnonzero(spans > 0) + 1
+    rates = [motion.at_time(time)[1] for time in (times[begins[3]], times[ends[6]])]
+    momenta = [(whole @ rate.ravel()).reshape(-1, 3).sum(axis=0) for rate in rates]
+    middles = (times[begins[3:7]] + times[ends[3:7]]) / 2
+    forces = motion.reactions(middles)[:, :, :3].sum(axis=1) + weight
+    impulse = spans[begins[3:7]] @ forces
+    np.testing.assert_allclose(momenta[1] - momenta[0], impulse, atol=1e-6 * abs(impulse).max())
+
+
+def energies_at_rest(scene: Scene) -> float:
+    """Return the strain energy of the state in which a scene begins [J]."""
+    mover = scene.stage("mover")
+    assert isinstance(mover, TransientResponse)
+    assert mover.motion is not None
+    return float(mover.motion.energies(np.zeros(1))[0, 1])
+
+
+def test_scene_moves_a_grip_in_time(tmp_path: Path) -> None:
+    """After a path at rest; the grip's work is a column, and reactions are those of the step."""
+    moves = 'displacement = [0, 0, "5 mm"]\nrotation = [0, "20 deg", 0]\nrise = "10 ms"'
+    text = (
+        SCENE + moves + "\n[transient]\nmax_step = '2 ms'\ntolerance = 1\nalpha = 5\nenergy = true"
+    )
+    (tmp_path / "strip.toml").write_text(text, encoding="utf-8")
+    scene = Scene.read(tmp_path / "strip.toml")
+    scene.update(0.012)
+    cage = scene.deformed_cage
+    moved = vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
+    held = points_of(cage)[:, 1] == points_of(cage)[:, 1].max()
+    np.testing.assert_allclose(moved[held].mean(axis=0), [0, 2e-4, 5e-3], atol=1e-9)
+    field = cage.GetFieldData()
+    energies = {
+        name: field.GetArray(name).GetValue(0)
+        for name in ("kinetic_energy", "strain_energy", "dissipated_energy", "grip_work")
+    }
+    work = energies.pop("grip_work")
+    first = energies_at_rest(scene)
+    assert sum(energies.values()) - first == pytest.approx(work, rel=1e-9)
+    support, grip = reactions_of(cage)
+    assert (support.kind, grip.kind) == ("support", "grip")
+    assert abs(grip.force).max() > 0

@@ -244,3 +244,19 @@ def test_mode_with_rotation_strain_rotates_by_ninety_degrees(
     wait_until(lambda: settled(window))
     assert window.modes.amplitude.maximum() == 50
     assert window.modes.amplitude_text.text() == "15 %"
+
+
+def test_errors_are_estimated_on_demand(open_scene: Any) -> None:
+    window = open_scene("gust")
+    modes = window.modes
+    window.tabs.setCurrentWidget(modes)
+    wait_until(lambda: modes.table.item(0, 3) is not None and modes.table.item(0, 3).text())
+    assert "±" not in modes.table.item(0, 1).text()
+    modes.errors_button.click()
+    assert not modes.errors_button.isEnabled()
+    wait_until(lambda: "±" in modes.table.item(0, 1).text())
+    assert modes.table.item(0, 1).text().split() == ["21.78", "±", "0.10"]
+    assert "increase cage.divisions" in modes.unresolved.text()
+    window.document.set("modal", "modes", 4)
+    wait_until(lambda: settled(window) and modes.table.rowCount() == 4)
+    assert "±" not in modes.table.item(0, 1).text()

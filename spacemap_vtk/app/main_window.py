@@ -31,6 +31,7 @@ from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.error_bar import ErrorBar
 from spacemap_vtk.app.panels.figures_tab import FiguresTab
 from spacemap_vtk.app.panels.gallery import Gallery
+from spacemap_vtk.app.panels.measure_tab import MeasureTab
 from spacemap_vtk.app.panels.modes_tab import ModesTab
 from spacemap_vtk.app.panels.plan_tab import PlanTab
 from spacemap_vtk.app.panels.properties import Properties
@@ -110,12 +111,14 @@ class MainWindow(QMainWindow):
         self.pull = PullTab(self.document)
         self.figures = FiguresTab(self.document, self.engine)
         self.plan = PlanTab(self.document, self.engine)
+        self.measure = MeasureTab(self.document, self.engine)
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.tabs.addTab(self.plots, "Plots")
         self.tabs.addTab(self.draft, "Draft")
         self.tabs.addTab(self.pull, "Pull")
         self.tabs.addTab(self.figures, "Figures")
+        self.tabs.addTab(self.measure, "Measure")
         self.tabs.addTab(self.plan, "Plan")
         self.files = FileCommands(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
@@ -296,6 +299,7 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self.figures.follow)
         self.director.drawn.connect(self.plan.follow)
         self.plan.export_requested.connect(self.exports.plan)
+        self.measure.export_requested.connect(self.exports.measurement)
         self.draft.dragging.connect(self.director.set_dragging)
         self.draft.save_button.clicked.connect(self.files.save_draft)
         self.draft.print_button.clicked.connect(self.exports.draft)

@@ -108,7 +108,7 @@ For example:
     spacemap measure yarn_to_cloth --test cantilever -o cantilever.gif
     spacemap measure yarn_to_cloth --test all --json
     spacemap measure draft.wif --test all --set yarns.inextensible=false \\
-        --set "yarns.modulus=300 cN/tex" --set "yarns.bending=2 mN.mm2"
+        --set "yarns.modulus=300 cN/tex" --set "yarns.bending=2 mN.mm2" --set yarns.flattest=1
 """
 
 

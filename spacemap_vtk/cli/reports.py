@@ -378,7 +378,7 @@ def format_default(parameter: Any) -> str:
     """Format a parameter's default as in a scene file, with the meaning of "auto"."""
     from spacemap_vtk.parameters import AUTOMATIC
 
-    if parameter.default is None:
+    if parameter.default_for(of_object=False) is None:
         return f'"{AUTOMATIC}"  # {parameter.automatic}'
     text = parameter.format(parameter.default)
     if text.startswith("["):  # a vector, which is followed by its unit

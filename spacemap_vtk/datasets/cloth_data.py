@@ -174,6 +174,13 @@ def cloth_of(data: vtkDataObject) -> Cloth | None:
     )
 
 
+def cloth_stamp(data: vtkDataObject) -> int | None:
+    """Return VTK's time of the last change of a data set's cloth; None without a cloth."""
+    # No two arrays of a process have the same time, and all arrays of a cloth are made together.
+    array = data.GetFieldData().GetArray(_MEASURES)
+    return None if array is None else int(array.GetMTime())
+
+
 def cloth_arrays(data: vtkDataObject) -> dict[str, NDArray[Any]]:
     """Return the field arrays of a cloth by name, without copies."""
     field = data.GetFieldData()

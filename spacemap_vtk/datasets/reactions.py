@@ -51,8 +51,19 @@ def add_reactions(
 ) -> None:
     """Write forces on held vertices, the reactions of all bodies, and those along a path."""
     remove_reactions(grid)
-    field = grid.GetFieldData()
     add_array(grid.GetPointData(), REACTION, holding)
+    set_reactions(grid, reactions)
+    if path is not None:
+        for name, table in zip(_PATH, path, strict=True):
+            if table.size:
+                add_array(grid.GetFieldData(), name, table.reshape(len(table), -1))
+
+
+def set_reactions(grid: vtkUnstructuredGrid, reactions: Sequence[Reaction]) -> None:
+    """Write name, force, moment and point of each body that holds the cage."""
+    field = grid.GetFieldData()
+    for name in (_NAMES, *_PARTS):
+        field.RemoveArray(name)
     if not reactions:
         return
     names = vtkStringArray()
@@ -62,10 +73,12 @@ def add_reactions(
     field.AddArray(names)
     for name, part in zip(_PARTS, ("force", "moment", "about"), strict=True):
         add_array(field, name, np.array([getattr(each, part) for each in reactions]))
-    if path is not None:
-        for name, table in zip(_PATH, path, strict=True):
-            if table.size:
-                add_array(field, name, table.reshape(len(table), -1))
+
+
+def held_forces(grid: vtkUnstructuredGrid) -> Floats | None:
+    """Return the forces of supports and grips on vertices at rest [N], (V, 3), if known."""
+    data = grid.GetPointData()
+    return array_of(data, REACTION, _OWNER) if data.HasArray(REACTION) else None
 
 
 def remove_reactions(grid: vtkUnstructuredGrid) -> None:

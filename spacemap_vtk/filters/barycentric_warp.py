@@ -24,7 +24,7 @@ from spacemap_vtk.datasets.arrays import (
     to_array,
     to_points,
 )
-from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET, cloth_of
+from spacemap_vtk.datasets.cloth_data import FOOT, OFFSET
 from spacemap_vtk.datasets.geometry_snapshot import GeometrySnapshot
 from spacemap_vtk.embedding.affine import AffineInterpolation
 from spacemap_vtk.embedding.gradients import (
@@ -153,12 +153,12 @@ class BarycentricWarp(Stage):
 
     def _check_yarns(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> None:
         """Check what happens to the yarns of a cloth, if the strain of the cage is known."""
-        array, cloth = cage.GetCellData().GetArray("strain"), cloth_of(points)
-        if array is None or cloth is None:
+        array = cage.GetCellData().GetArray("strain")
+        if array is None:
             return
         strain = vtk_to_numpy(array)[:, [0, 1, 2, 4, 5, 3]] * [1, 1, 1, 2, 2, 2]  # VTK's order
         keeps_length = points.GetPointData().HasArray(OFFSET) == 1
-        check_yarns(self, cloth, strain, keeps_length)
+        check_yarns(self, points, strain, keeps_length)
 
     def _points_in_cage(self, points: vtkPointSet) -> vtkPointSet:
         """Return the points to embed in the cage: those given, or the feet of yarns."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,11 @@ from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.cage_fittings import GripPlaces
 from spacemap_vtk.filters.obstacle import Obstacle, Vectors
 from spacemap_vtk.filters.records import Record, Records
-from spacemap_vtk.filters.time_keys import check_motion, motion_values
+from spacemap_vtk.filters.time_keys import check_motion, make_time_function, motion_values
 from spacemap_vtk.mechanics.boundary.grips import Grip as GripKernel
-from spacemap_vtk.mechanics.boundary.grips import held_by, make_grip
+from spacemap_vtk.mechanics.boundary.grips import GripMotion, held_by, make_grip
 from spacemap_vtk.mechanics.boundary.places import Masks
+from spacemap_vtk.mechanics.boundary.reactions import Bearing, find_bearings
 from spacemap_vtk.mechanics.contact.path import divide_path
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.parameters import Real, Vector
@@ -204,6 +205,45 @@ def bearing_recipe(fixed: Sequence[str], grips: Sequence[Grip]) -> dict[str, Any
             for grip in grips
         ],
     }
+
+
+def read_bearings(
+    recipe: Mapping[str, Any], points: Floats, masks: Masks | None = None
+) -> tuple[list[GripKernel], list[Bearing]]:
+    """Make grips, in their last places, and bearings from their description.
+
+    Parameters
+    ----------
+    recipe : mapping
+        From `bearing_recipe`; may be empty.
+    points : ndarray of float64, shape (V, 3)
+        Vertices at rest [m].
+    masks : callable, optional
+        Function from the name of a point array to its values.
+
+    Returns
+    -------
+    grips : list of spacemap_vtk.mechanics.boundary.grips.Grip
+        Grips with one place, and with their motion in time.
+    bearings : list of Bearing
+        Supports and grips.
+    """
+    grips = []
+    for given in recipe.get("grips", ()):
+        grip = make_grip(
+            points,
+            given["place"],
+            moves=[given["move"]],
+            turns=np.radians([given["turn"]]),
+            center=given["center"],
+            masks=masks,
+        )
+        if (motion := given["motion"]) is not None:
+            turn = np.radians(motion["rotation"])
+            moved = np.array(motion["displacement"], dtype=np.float64)
+            grip = grip._replace(motion=GripMotion(moved, turn, make_time_function(motion)))
+        grips.append(grip)
+    return grips, find_bearings(points, recipe.get("supports", ()), grips, masks)
 
 
 def hold_with_grips(held: Bools, grips: Sequence[GripKernel]) -> Bools:

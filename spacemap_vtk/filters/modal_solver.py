@@ -70,12 +70,13 @@ from spacemap_vtk.mechanics.elements.shell import SHEET_ASPECT, Layer, find_laye
 from spacemap_vtk.mechanics.equilibrium import energy_terms
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.sheet_cells import FEWEST, SheetCells, choose_sheet_cells
 from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
-from spacemap_vtk.textile.weave.cloth import FAMILIES
+from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.units import format_quantity
 
@@ -484,6 +485,46 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         if sheet is None:
             return None
         return CageSheet(*self._sheet_and_mass(grid, sheet), sheet.thickness)
+
+    def choose_cells(
+        self, extent: Floats, cloth: Cloth | None = None, mass: float | None = None
+    ) -> SheetCells | None:
+        """Choose the cells of a sheet for the modes that are wanted, and for its folds.
+
+        Parameters
+        ----------
+        extent : ndarray of float64, shape (3,)
+            Sides of the cage's box [m].
+        cloth : Cloth, optional
+            The weave in the cage.
+        mass : float, optional
+            Its mass per area [kg/m²].
+
+        Returns
+        -------
+        SheetCells or None
+            Along the two longer sides, in the order of the axes. None if the cage will not be a
+            sheet.
+
+        Raises
+        ------
+        InputError
+            If the material is contradictory.
+        """
+        normal = int(extent.argmin())
+        thickness = float(extent[normal])
+        first, second = (float(side) for axis, side in enumerate(extent) if axis != normal)
+        if self.elements == "tetrahedra" or thickness <= 0.0:
+            return None
+        # Of narrower cells "auto" would make a solid.
+        narrowest = 0.0 if self.elements == "sheet" else 1.1 * SHEET_ASPECT * thickness
+        if max(first, second) < FEWEST * narrowest:
+            return None
+        length = None
+        if self.is_hung:
+            plate, own_mass = self.sheet_stiffness(thickness, normal, mass, cloth, self._yarns)
+            length = min(data_sheet(plate, own_mass).bending_length)
+        return choose_sheet_cells((first, second), self.modes, length, narrowest)
 
     def _sheet_and_mass(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""

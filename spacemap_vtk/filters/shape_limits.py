@@ -8,10 +8,11 @@ has a mid-surface.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.cloth_data import cloth_of
+from spacemap_vtk.datasets.cloth_data import cloth_of, cloth_stamp
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.mechanics.elements.deformation import (
     find_tightest_fold,
@@ -23,7 +24,6 @@ from spacemap_vtk.mechanics.elements.inversion import count_inverted
 from spacemap_vtk.mechanics.elements.shell import MidSurface
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Field array of a cage: least crimp of the yarns of which its stiffness is made.
 LAW_CRIMP = "least_crimp"
@@ -39,11 +39,12 @@ def check_folds(
     """Check the folds of a sheet against its cells, and against the thickness of its cloth."""
     if surface is None:
         return
-    turn, curvature = find_tightest_fold(rest, moved, surface)
+    turn, curvature, lean = find_tightest_fold(rest, moved, surface)
     stage.check_limit("fold", turn)
-    cloth = cloth_of(grid)
+    stage.check_limit("lean", lean)
+    cloth = _room_of(grid)
     if cloth is not None:
-        stage.check_limit("thick_fold", (cloth.level + cloth.sheet_thickness / 2) * curvature)
+        stage.check_limit("thick_fold", cloth.half_thickness * curvature)
 
 
 def check_inversion(
@@ -74,13 +75,43 @@ def check_strains(
         stage.check_limit("law", float(abs(strain[:, :2]).max()) / crimp.GetValue(0))
 
 
-def check_yarns(stage: Stage, cloth: Cloth, strain: Floats, keeps_length: bool) -> None:
-    """Check what the yarns of a cloth do in a cage that is strained."""
+def check_yarns(stage: Stage, weave: vtkPointSet, strain: Floats, keeps_length: bool) -> None:
+    """Check what the yarns of a weave do in a cage that is strained."""
+    cloth = _room_of(weave)
+    if cloth is None:
+        return
     if not keeps_length:
         stage.check_limit("embedded", float(abs(stretch_of(strain[:, :2])).max(initial=0.0)))
-    widths = [float((yarns.aspect * yarns.diameter).max()) for yarns in cloth.yarns]
-    shares = [w / f.spacing for w, f in zip(widths, cloth.families, strict=True)]
-    locked = math.acos(min(max(shares), 1.0))
-    sheared = float(abs(shear_angles(strain)).max(initial=0.0))
-    if locked > 0.0:
-        stage.check_limit("locked", sheared / locked)
+    if cloth.locking_angle > 0.0:
+        sheared = float(abs(shear_angles(strain)).max(initial=0.0))
+        stage.check_limit("locked", sheared / cloth.locking_angle)
+
+
+class _Room(NamedTuple):
+    """How far the yarns of a cloth are from each other and from its middle."""
+
+    half_thickness: float
+    """[m]"""
+    locking_angle: float
+    """Angle of shear at which neighbours of a family touch [rad]."""
+
+
+#: By the stamp of the cloth: a film asks for each frame.
+_rooms: dict[int, _Room] = {}
+
+
+def _room_of(data: vtkDataObject) -> _Room | None:
+    stamp = cloth_stamp(data)
+    if stamp is None:
+        return None
+    found = _rooms.get(stamp)
+    if found is None:
+        cloth = cloth_of(data)
+        assert cloth is not None
+        widths = [float((yarns.aspect * yarns.diameter).max()) for yarns in cloth.yarns]
+        shares = [w / f.spacing for w, f in zip(widths, cloth.families, strict=True)]
+        half = cloth.level + cloth.sheet_thickness / 2
+        found = _Room(half, math.acos(min(max(shares), 1.0)))
+        _rooms.clear()
+        _rooms[stamp] = found
+    return found

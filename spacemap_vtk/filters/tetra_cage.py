@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -31,11 +32,12 @@ from spacemap_vtk.datasets.extent import FILLED, UP, bounds_of_whole
 from spacemap_vtk.datasets.outline import Outline, count_edge_faults, extract_outline, make_envelope
 from spacemap_vtk.datasets.volume import split_into_tetrahedra
 from spacemap_vtk.embedding.enclose import enclose_points, enclosed_share
-from spacemap_vtk.errors import GeometryError, InputError, add_key_to_errors
+from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.io.reading import merge_blocks, read_blocks
 from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
+from spacemap_vtk.mechanics.modal.sheet_cells import MOST_CELLS, SheetCells
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
@@ -43,6 +45,9 @@ from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.weave import build_weave
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.units import format_quantity
+
+if TYPE_CHECKING:
+    from spacemap_vtk.filters.modal_solver import ModalSolver
 
 #: Distances of the envelope around an object that falls apart, as shares of its diagonal.
 _ENVELOPES = (0.01, 0.02)
@@ -103,7 +108,10 @@ class TetraCage(Stage):
         "modal.elements. The stiffness of a thin cage of tetrahedra depends more on their width "
         "than on the number of layers.",
         component=Integer(1, "", minimum=1, maximum=100_000),
-        automatic=f"nearly cubes, {_ALONG} along the longest side; one layer if the object is thin",
+        automatic="as many as the modes of a sheet need, and its folds if it hangs, but at most "
+        f"{MOST_CELLS} cells; for other cloth 5 x 5 x 1; otherwise nearly cubes, {_ALONG} along "
+        "the longest side, and one layer if the object is thin",
+        automatic_in_scenes=True,
         when={"method": ("lattice", "carved")},
     )
     order = Integer(
@@ -152,6 +160,38 @@ class TetraCage(Stage):
 
     #: Share of the cage's volume that the object's surface encloses.
     _filled_share = 1.0
+    #: The stage that treats the cage as a sheet, and chooses its cells. It is below this one, and a
+    #: pipeline with a reference cycle is never freed.
+    _solver: weakref.ref[ModalSolver] | None = None
+    #: Function of that stage that chooses the cells of the last input.
+    _choose: Callable[[ModalSolver], SheetCells | None] | None = None
+    #: The cells that it has chosen.
+    _sheet_cells: SheetCells | None = None
+
+    @property
+    def solver(self) -> ModalSolver | None:
+        """The ModalSolver below, which decides automatic divisions of a sheet; it is followed.
+
+        Scenes set it. Without it no automatic cage is a sheet.
+        """
+        return None if self._solver is None else self._solver()
+
+    @solver.setter
+    def solver(self, value: ModalSolver | None) -> None:
+        if value is self.solver:
+            return
+        self._solver = None if value is None else weakref.ref(value)
+        if value is not None:
+            value.AddObserver("ModifiedEvent", _make_observer(self))
+        if self.divisions is None:
+            self.Modified()
+
+    def _choose_again(self, solver: ModalSolver) -> None:
+        """Run again if a change of the solver changes automatic divisions."""
+        if self.divisions is None and self._choose is not None:
+            chosen = self._choose(solver) if self.order == 1 else None
+            if chosen != self._sheet_cells:
+                self.Modified()
 
     def run(self, inputs: list[vtkDataSet], output: vtkUnstructuredGrid, time: float) -> None:
         """Make the mesh."""
@@ -233,9 +273,7 @@ class TetraCage(Stage):
     def _make_lattice(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
         bounds = np.array(pad_bounds(whole, self.padding)).reshape(3, 2)
-        chosen = self.divisions or _cubic_divisions(bounds)
-        if self.divisions is None:
-            self.values_in_use = {"divisions": chosen}
+        chosen = self.divisions or self._choose_divisions(data, bounds)
         divisions = np.array(chosen)
         carved = self.method == "carved"
         if carved:  # add whole hexahedra for the margin
@@ -279,6 +317,28 @@ class TetraCage(Stage):
         groups = tetrahedra.reshape(-1, TETRAHEDRA_PER_CELL, 4)[kept.ravel()]
         used, numbers = np.unique(groups, return_inverse=True)
         return vertices[used], numbers.reshape(-1, 4)
+
+    def _choose_divisions(self, data: vtkDataSet, bounds: Floats) -> tuple[int, ...]:
+        """Choose automatic divisions of a box, (3, 2)."""
+        extent, cloth = bounds[:, 1] - bounds[:, 0], cloth_of(data)
+        mass = data.GetFieldData().GetArray("areal_mass")
+        weight = None if mass is None else float(mass.GetValue(0))
+        self._choose = partial(_choose_cells, extent=extent, cloth=cloth, mass=weight)
+        solver = self.solver if self.order == 1 else None
+        self._sheet_cells = None if solver is None else self._choose(solver)
+        chosen = (5, 5, 1) if cloth is not None else _cubic_divisions(extent)
+        if self._sheet_cells is not None:
+            chosen, wanted = (
+                tuple(np.insert(cells, extent.argmin(), 1).tolist()) for cells in self._sheet_cells
+            )
+            if wanted != chosen:
+                self.warn(
+                    f"the modes and folds of this sheet need cage.divisions of about "
+                    f"{list(wanted)}; the automatic cage is limited to {MOST_CELLS} cells, "
+                    f"{list(chosen)}"
+                )
+        self.values_in_use = {"divisions": chosen}
+        return chosen
 
     def _make_tetwild(self, data: vtkDataSet, cloth: Cloth | None) -> tuple[Floats, Ints]:
         whole = bounds_of_whole(data, self.piece, self._processes)
@@ -385,9 +445,30 @@ class TetraCage(Stage):
         output.ShallowCopy(volume.grid)
 
 
-def _cubic_divisions(bounds: Floats) -> tuple[int, ...]:
+def _choose_cells(
+    solver: ModalSolver, extent: Floats, cloth: Cloth | None, mass: float | None
+) -> SheetCells | None:
+    """Return the cells that a solver chooses for a sheet; None for a solid."""
+    try:
+        return solver.choose_cells(extent, cloth, mass)
+    except SpacemapError:  # of the material; the solver raises it as its own
+        return None
+
+
+def _make_observer(cage: TetraCage) -> Callable[[Any, str], None]:
+    """Return an observer of the solver that a cage follows; it does not keep the cage alive."""
+    known = weakref.ref(cage)
+
+    def follow(caller: Any, event: str) -> None:
+        cage = known()
+        if cage is not None and (solver := cage.solver) is caller and solver is not None:
+            cage._choose_again(solver)
+
+    return follow
+
+
+def _cubic_divisions(sides: Floats) -> tuple[int, ...]:
     """Return the numbers of hexahedra that make them nearly cubes."""
-    sides = bounds[:, 1] - bounds[:, 0]
     return tuple(np.maximum(1, np.rint(_ALONG * sides / sides.max())).astype(int).tolist())
 
 

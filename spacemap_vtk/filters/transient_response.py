@@ -10,10 +10,17 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_number, mask_reader
-from spacemap_vtk.datasets.modal_model import ModesReader, add_obstacle_moves
+from spacemap_vtk.datasets.modal_model import ModesReader, add_obstacle_moves, bodies_of
+from spacemap_vtk.datasets.reactions import (
+    REACTION,
+    bearings_recipe,
+    held_forces,
+    set_reactions,
+)
 from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.cage_fittings import Supports
+from spacemap_vtk.filters.grip import read_bearings
 from spacemap_vtk.filters.load_parameters import (
     MOTION_ARRAYS,
     LoadParameters,
@@ -23,6 +30,7 @@ from spacemap_vtk.filters.load_parameters import (
 )
 from spacemap_vtk.filters.rest_states import RestTask, load_or_solve_rest
 from spacemap_vtk.filters.shape_limits import check_folds, check_inversion, check_strains
+from spacemap_vtk.mechanics.boundary.reactions import Reaction
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
 from spacemap_vtk.mechanics.contact.resting import layers_of, obstacles_of
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
@@ -36,12 +44,14 @@ if TYPE_CHECKING:
 
 
 #: Prefix of entries on disk. Change it when the same parameters give other states.
-_ENTRY = "steps-contact"
+_ENTRY = "steps-held"
 
 #: Field arrays of a cage with obstacles or with friction of its layers: the energy that friction
 #: dissipates, a part of dissipated_energy, and the work of moving obstacles, a part of
 #: external_work.
 CONTACT_ENERGIES = ("friction_energy", "obstacle_work")
+#: Field array of the work of moving grips, another part of external_work.
+GRIP_WORK = "grip_work"
 
 #: Number of states in an entry on disk.
 _CHUNK = 512
@@ -60,7 +70,9 @@ class TransientResponse(LoadParameters, Stage):
     The output has the arrays of ModalResponse except the modal coordinates. Strain and stress are
     in axes that turn with the fabric. A cage that touches obstacles, or has friction of its layers,
     has two more field arrays: ``friction_energy``, the part of the dissipated energy that is due to
-    friction, and ``obstacle_work``, the part of the external work that moving obstacles do.
+    friction, and ``obstacle_work``, the part of the external work that moving obstacles do;
+    ``grip_work`` is that of moving grips. ``reaction_force`` (N) and ``reaction_moment`` (N m) are
+    means over the time step, for each support, grip and obstacle.
 
     Notes
     -----
@@ -152,6 +164,9 @@ class TransientResponse(LoadParameters, Stage):
         displacement, velocity, acceleration = motion.at_time(time)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
+        output.GetPointData().RemoveArray(REACTION)
+        if time > 0.0:
+            set_reactions(output, self._reactions(output, motion, time))
         model, moves = motion.model, motion.obstacle_moves(time)
         if moves.any():
             add_obstacle_moves(output, moves)
@@ -165,6 +180,9 @@ class TransientResponse(LoadParameters, Stage):
             add_stress(output, strain, stress)
         if self.energy:
             add_energies(output, motion.energies(np.array([time]))[0])
+            if motion.grips_move:
+                work = float(motion.grip_work(np.array([time]))[0])
+                add_number(output.GetFieldData(), GRIP_WORK, work)
             if obstacles_of(model) or layers_of(model):
                 exchanged = motion.contact_energies(np.array([time]))[0]
                 for name, value in zip(CONTACT_ENERGIES, exchanged, strict=True):
@@ -200,6 +218,13 @@ class TransientResponse(LoadParameters, Stage):
                 *vector.function,
             )
         ]
+        grips, bearings = read_bearings(bearings_recipe(grid), model.points, mask_reader(grid))
+        holding = held_forces(grid)
+        for grip in grips:
+            parts += [grip.held, grip.center, grip.moves, *(grip.motion or ())[:2]]
+            parts += [] if grip.motion is None else [*grip.motion.function]
+        for bearing in bearings:
+            parts += [bearing.shares.any(axis=(1, 2)), bearing.about]
         for term in obstacles_of(model):
             if term.motion is not None:
                 parts += [term.motion.displacement, *term.motion.function]
@@ -226,6 +251,9 @@ class TransientResponse(LoadParameters, Stage):
             settled=self._starts_at_rest,
             tolerance=self.tolerance,
             max_step=self.max_step,
+            grips=grips,
+            bearings=bearings,
+            holding=holding,
         )
         self._last_motion = digest, motion
         self._stored = 0, 0.0
@@ -270,6 +298,18 @@ class TransientResponse(LoadParameters, Stage):
             RestTask(model, load), lambda share: self.report_progress(share, "hanging")
         ).displacement
         return found if model.displacement is None else found + model.displacement
+
+    def _reactions(
+        self, grid: vtkUnstructuredGrid, motion: SteppedMotion, time: float
+    ) -> list[Reaction]:
+        """Return the mean reactions of the time step that ends at or after a time."""
+        table, points = motion.reactions(np.array([time]))[0], motion.reaction_points(time)
+        bodies = [(bearing.kind, bearing.name) for bearing in motion.bearings]
+        bodies += [("obstacle", body["shape"]) for body in bodies_of(grid)]
+        return [
+            Reaction(*body, row[:3], row[3:], point)
+            for body, row, point in zip(bodies, table, points, strict=True)
+        ]
 
     def _store_states(self, digest: str, motion: SteppedMotion) -> None:
         """Store the states computed since the last time on disk."""

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.parameters import Flag, Parameterised, Real, Series
+from spacemap_vtk.io import registry
+from spacemap_vtk.parameters import Choice, FilePath, Flag, Parameterised, Real, Series
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw, MeasuredContact, VanWykContact
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.yarn import section_factor
@@ -77,11 +79,27 @@ class YarnParameters(Parameterised):
     )
     contact = Real(
         None,
-        "Stiffness of a crossing against flattening: contact force over the relative loss of "
-        "thickness.",
+        "Stiffness of a crossing against flattening: half the contact force over the relative loss "
+        "of thickness.",
         unit="N",
         minimum=0.0,
         automatic="none: crossings flatten as much as the yarns require",
+    )
+    van_wyk = Real(
+        None,
+        "Constant c of van Wyk's law of contact, instead of contact: the contact force of a "
+        "crossing is c ((D0/D)^3 - 1), where D0/D is the thickness at rest over that when pressed. "
+        "c is K E times the cube of the share of fibre and the area of contact; K is the user's: "
+        "no value for yarns was verified.",
+        unit="N",
+        above=0.0,
+        automatic="none",
+    )
+    contact_curve = FilePath(
+        None,
+        "Text file of a measured law of contact, instead of contact: a line for each point, with "
+        "the relative loss of thickness of a crossing (0 at rest) and the contact force in N.",
+        automatic="none",
     )
     flattest = Real(
         None,
@@ -102,6 +120,14 @@ class YarnParameters(Parameterised):
         ),
         automatic="none: all yarns bend equally",
     )
+    bending_arcs = Choice(
+        "free",
+        "How much of a yarn bends with the cloth. free: its whole length, as without friction; "
+        "this is the least bending rigidity that such yarns give a cloth. rigid: only the straight "
+        "parts between its arcs around other yarns, to which friction holds it; this is the "
+        'largest. "spacemap info" prints both.',
+        ["free", "rigid"],
+    )
 
     def yarns(self, cloth: Cloth) -> YarnMechanics:
         """Return the mechanics of a cloth's yarns; a modulus is multiplied by their counts."""
@@ -112,8 +138,11 @@ class YarnParameters(Parameterised):
                 allowed="warp_layer = 1 in [weave]",
                 cure='Set this to draw one layer, or remove [yarns] and modal.material = "yarns"',
             )
+        contact, law = self._contact_law()
         rest = YarnMechanics(
-            contact=self.contact or 0.0,
+            contact=contact,
+            law=law,
+            rigid_arcs=self.bending_arcs == "rigid",
             bending=WarpAndWeft.pair(self.bending) or (0.0, 0.0),
             flattest=_FLATTEST if self.flattest is None else self.flattest,
         )
@@ -136,6 +165,27 @@ class YarnParameters(Parameterised):
             force = size * cloth.densities[number] * area
             each[number] = force[:, None] if number else force
         return rest._replace(tension=each)
+
+    def _contact_law(self) -> tuple[float, ContactLaw]:
+        """Return the law of contact and its factor; half of a contact force, see `contact`."""
+        given = [n for n in ("contact", "van_wyk", "contact_curve") if getattr(self, n) is not None]
+        if len(given) > 1:
+            raise InputError(
+                f"{given[0]} is given, too, and states the same",
+                key=given[1],
+                value=str(getattr(self, given[1])),
+                cure=f"Leave out {given[0]} or {given[1]}",
+            )
+        if self.van_wyk is not None:
+            return 0.5 * self.van_wyk, VanWykContact()
+        if self.contact_curve is None:
+            return self.contact or 0.0, ContactLaw()
+        try:
+            points = np.transpose(registry.read(self.contact_curve, "table"))
+            return 0.5, MeasuredContact(points)
+        except InputError as error:
+            error.key = "contact_curve"  # readers name their own parameter
+            raise
 
     def check(self) -> None:
         """Check that extensible yarns have exactly one stiffness."""

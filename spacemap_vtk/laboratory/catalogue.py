@@ -86,6 +86,13 @@ TESTS = (
         "A strip of 2.5 cm is pushed over an edge until its chord slopes by 41.5°.",
         "c, B",
     ),
+    LaboratoryTest(
+        "drape",
+        "Drape",
+        "Cusick's drapemeter, ISO 9073-9",
+        "A round cloth of 30 cm, held between discs of 18 cm, hangs over their edge.",
+        "DC, nodes",
+    ),
 )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.mechanics.elements.membrane_law import MembraneLaw
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -31,8 +30,6 @@ class Fabric:
     #: Geometry and stiffness of its yarns, where they are known.
     cloth: Cloth | None = None
     yarns: YarnMechanics | None = None
-    #: Law of its membrane; None: the stress is in proportion to the strain, as in `plate`.
-    law: MembraneLaw | None = None
 
     def stress(self, strain: Floats) -> Floats:
         """Compute the membrane stress.
@@ -47,7 +44,8 @@ class Fabric:
         ndarray of float64, shape (…, 3)
             Second Piola-Kirchhoff stress per width [N/m].
         """
-        return strain @ self.plate.membrane if self.law is None else self.law.stress(strain)
+        law = self.plate.law
+        return strain @ self.plate.membrane if law is None else law.stress(strain)
 
     def require_areal_mass(self) -> float:
         """Return the mass per area [kg/m²].

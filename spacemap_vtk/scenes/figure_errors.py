@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from spacemap_vtk.filters.error_estimates import ErrorEstimates
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.mechanics.modal.convergence import TOLERANCE, Estimate
@@ -15,8 +17,14 @@ _OF_EQUILIBRIUM = {
     "shadow_area": "the shadow",
     "drape_coefficient": "the drape coefficient",
 }
-#: The same for the contact with an obstacle.
+#: The same for the contact with an obstacle, and for a body that holds the cage.
 _OF_CONTACT = {"force": "the force on obstacle {obstacle}"}
+_OF_REACTION = {
+    "force": "the force of {kind} {name}",
+    "moment": "the moment of {kind} {name}",
+}
+#: A moment below this share of the force times a metre is rounding.
+_NOTHING = 1e-9
 #: Suggested divisions are at most this many times the present ones: errors of several hundred per
 #: cent are too rough to tell more.
 _FINER = 4.0
@@ -32,9 +40,10 @@ def add_errors(
     Parameters
     ----------
     figures : dict
-        ``modes``, ``hung`` and ``contact`` of `spacemap_vtk.scenes.report.report_modes`. Each mode
-        gets ``error``, relative, and each other figure ``…_error`` in its unit; and each table
-        ``converged``.
+        ``modes``, ``hung``, ``contact`` and ``reactions`` of
+        `spacemap_vtk.scenes.report.report_modes`. Each mode gets ``error``, relative, and each
+        other figure ``…_error`` in its unit; and each table ``converged``. The error of a force or
+        moment is that of its size and direction: the size of a vector.
     coarse : dict, optional
         The figures of the coarser cage.
     estimates : ErrorEstimates, optional
@@ -49,7 +58,7 @@ def add_errors(
         for key in [key for key in keys if key in table]:
             found: Estimate | None = None
             if estimates is not None and None not in (table[key], other.get(key)):
-                found = estimates.compare(table[key], other[key])
+                found = estimates.compare(*_sizes(table[key], other[key]))
                 converged.append(found.converged)
             table[f"{key}_error"] = None if found is None else found.error
         table["converged"] = all(converged) if converged else None
@@ -84,9 +93,12 @@ def describe_unconverged(figures: dict[str, Any], cage: TetraCage) -> str:
     for table, _, keys in _pairs(figures, None):
         for key, name in keys.items():
             error, value = table.get(f"{key}_error"), table.get(key)
-            if error is None or value is None or error <= TOLERANCE * abs(value):
+            if error is None or value is None:
                 continue
-            share = error / abs(value) if value else math.inf
+            size, _ = _sizes(value, value)
+            if error <= TOLERANCE * size or size <= _least(table, key):
+                continue
+            share = error / size
             parts.append(f"{name.format(**table)} (± {_format_range([share])})")
             errors.append(share)
     if not parts:
@@ -102,10 +114,21 @@ def _pairs(
     pairs = []
     if figures["hung"] is not None:
         pairs.append((figures["hung"], other.get("hung") or {}, _OF_EQUILIBRIUM))
-    contacts = other.get("contact") or [{}] * len(figures["contact"])
-    for own, wider in zip(figures["contact"], contacts, strict=True):
-        pairs.append((own, wider, _OF_CONTACT))
+    for table, names in (("contact", _OF_CONTACT), ("reactions", _OF_REACTION)):
+        wider = other.get(table) or [{}] * len(figures[table])
+        pairs += [(own, each, names) for own, each in zip(figures[table], wider, strict=True)]
     return pairs
+
+
+def _sizes(fine: Any, coarse: Any) -> tuple[float, float]:
+    """Return two sizes that differ as much as two numbers, or two vectors, do."""
+    size = float(np.linalg.norm(fine))
+    return size, size + float(np.linalg.norm(np.subtract(coarse, fine)))
+
+
+def _least(table: dict[str, Any], key: str) -> float:
+    """Return the size below which a figure is rounding."""
+    return _NOTHING * float(np.linalg.norm(table["force"])) if key == "moment" else 0.0
 
 
 def _format_range(errors: list[float]) -> str:

@@ -165,6 +165,22 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
             if several:
                 key, text = f"{key}_{side}", f"{label}, {side}"
             found.append(Figure(key, text, parameter.format_figure(each), each, parameter.unit))
+        if name == "bending_rigidity":
+            found += _bending_bounds(figures)
+    return found
+
+
+def _bending_bounds(figures: dict[str, Any]) -> list[Figure]:
+    """Return the bending rigidities with free and with rigid arcs of the yarns."""
+    found, parameter = [], ModalSolver.parameter("bending_rigidity")
+    for arcs, values in figures.get("bending_bounds", {}).items():
+        texts = [parameter.format_figure(v) if math.isfinite(v) else "jammed" for v in values]
+        alike = texts[0] == texts[1]
+        for side, each, text in zip(("warp", "weft")[: 2 - alike], values, texts, strict=False):
+            key, label = f"sheet_bending_{arcs}_arcs", f"    with {arcs} arcs"
+            if not alike:
+                key, label = f"{key}_{side}", f"{label}, {side}"
+            found.append(Figure(key, label, text, each, parameter.unit))
     return found
 
 
@@ -254,8 +270,13 @@ def reaction_figures(figures: dict[str, Any]) -> list[Figure]:
         moment = format_vector(each["moment"], "N.m", rounding=1e-9 * size)
         point = format_vector(each["point"], "m", rounding=1e-9)
         name = f"{each['kind']} {each['name']}".strip()
+        error = each.get("force_error")
+        if error is not None and error > 1e-9 * size:
+            force += f" ± {format_quantity(error, 'N', 2)}"
+        if (twist := each.get("moment_error")) is not None and twist > 1e-9 * size:
+            moment += f" ± {format_quantity(twist, 'N.m', 2)}"
         text = f"{force}, moment {moment} about {point}"
-        found.append(Figure(f"reaction_{number}", f"reaction of {name}", text, size, "N"))
+        found.append(Figure(f"reaction_{number}", f"reaction of {name}", text, size, "N", error))
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from spacemap_vtk.errors import InputError
@@ -24,8 +25,9 @@ from spacemap_vtk.textile.weave.figures import fabric_figures
 ALL = "all"
 _CURE = (
     "Give the stiffness of the yarns, for example --set yarns.inextensible=false --set "
-    'yarns.modulus="300 cN/tex" --set yarns.bending="2 mN.mm2" (spun cotton of 30 tex), or choose '
-    "a measured fabric, as --set modal.material=denim"
+    'yarns.modulus="300 cN/tex" --set yarns.bending="2 mN.mm2" --set yarns.flattest=1 (spun '
+    "cotton of 30 tex whose crossings do not flatten), or choose a measured fabric, as --set "
+    "modal.material=denim"
 )
 
 
@@ -91,9 +93,10 @@ def _from_yarns(scene: Scene, yarns: YarnParameters) -> Fabric:
     with scene.add_file_to_errors():
         cloth = scene.woven.cloth
         mechanics, figures = yarns.yarns(cloth), fabric_figures(cloth)
-        plate, law = cloth_stiffness(cloth, mechanics), cloth_law(cloth, mechanics)
+        law = cloth_law(cloth, mechanics)
+        plate = replace(cloth_stiffness(cloth, mechanics), law=law)
     mass = figures["areal_mass"]
-    return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics, law)
+    return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics)
 
 
 def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None) -> Fabric | None:
@@ -115,9 +118,7 @@ def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None)
     cloth = scene.woven.cloth
     thickness = fabric_figures(cloth)["thickness"]
     if solver.material == WOVEN and yarns is not None:
-        mechanics = yarns.yarns(cloth)
-        law = cloth_law(cloth, mechanics)
-        return Fabric(plate, thickness, mass, "its yarns", cloth, mechanics, law)
+        return Fabric(plate, thickness, mass, "its yarns", cloth, yarns.yarns(cloth))
     origin = solver.material if solver.material in FABRICS else "the sheet in [modal]"
     return Fabric(plate, thickness, mass, origin)
 

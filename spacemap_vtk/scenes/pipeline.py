@@ -10,6 +10,7 @@ from spacemap_vtk import extensions
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import ROLES, Stage, connect
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.parameters import Parameterised
@@ -131,10 +132,14 @@ def connect_stages(stages: Iterable[Stage]) -> None:
     yarns = next((stage for stage in stages if isinstance(stage, YarnParameters)), None)
     if yarns is None and isinstance(stages[0], Textile):
         yarns = stages[0].mechanics
+    # The cage asks the solver how many cells a sheet needs.
+    solver = next((stage for stage in stages if isinstance(stage, ModalSolver)), None)
     made: dict[str, Stage] = {}
     for stage in stages:
         if isinstance(stage, ModalSolver):
             stage.yarns = yarns
+        if isinstance(stage, TetraCage):
+            stage.solver = solver
         if stage.takes:
             connect(tuple(made[kind] for kind in stage.takes), stage)
         made[stage.makes] = stage

@@ -20,9 +20,11 @@ from spacemap_vtk.errors import (
     SpacemapError,
     add_section_to_errors,
 )
+from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.error_estimates import estimate_errors
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.mechanics.boundary.places import parse_places
 from spacemap_vtk.mechanics.contact.opening import resting_contacts
 from spacemap_vtk.mechanics.elements.plates import DataSheet
@@ -37,6 +39,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.figure_errors import add_errors, describe_unconverged
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.valid_ranges import collect_findings
+from spacemap_vtk.textile.crimp.stiffness import bending_bounds
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.geometry.weave import build_weave, count_patches
 from spacemap_vtk.textile.geometry.yarn_clearance import (
@@ -101,6 +104,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
     dict
         Figures by name. ``error`` of a mode is relative; other errors have the unit of their
         figure. An error is None if it is not estimated; ``errors_missing`` then says why.
+        ``unconverged`` is a sentence about figures that are not converged, or None.
 
     Raises
     ------
@@ -161,6 +165,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         "tetrahedra": grid.GetNumberOfCells(),
         "dof": cage.model.pencil.size,
         **report_sheet(sheet_of(grid)),
+        **report_bending(scene),
         "mass": float(cage.nodal_mass.sum()),
         "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
@@ -168,6 +173,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         **figures,
         "path": report_path(scene.modal),
         "errors_missing": missing or None,
+        "unconverged": doubts if estimates is not None and doubts else None,
         "applicability": [finding.as_json() for finding in collect_findings(scene)],
         "warnings": scene.warnings,
     }
@@ -246,6 +252,16 @@ def report_sheet(sheet: DataSheet | None) -> dict[str, Any]:
         # For a pull along the warp, and along the weft.
         "poissons_ratios": [ratio, ratio * weft / warp],
     }
+
+
+def report_bending(scene: Scene) -> dict[str, Any]:
+    """Return the bounds of the bending rigidity of a sheet from yarns, along warp and weft."""
+    woven, solver = scene.woven, scene.stage("solver")
+    if woven is None or not isinstance(solver, ModalSolver) or solver.material != WOVEN:
+        return {}
+    yarns = solver.yarns
+    known = yarns.yarns(woven.cloth) if isinstance(yarns, YarnParameters) else yarns
+    return {} if known is None else {"bending_bounds": bending_bounds(woven.cloth, known)._asdict()}
 
 
 def report_motion(scene: Scene) -> dict[str, Any] | None:
@@ -373,7 +389,7 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if yarns_fit and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
         scene.update_stage(made)
         with add_section_to_errors(solver.section):
-            figures |= report_sheet(solver.sheet_figures(made.output))
+            figures |= report_sheet(solver.sheet_figures(made.output)) | report_bending(scene)
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
                 if solver.is_hung:

@@ -23,6 +23,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.mode_errors import ModeErrors, compute_errors
 from spacemap_vtk.app.panels.response_plot import ResponsePlot
 from spacemap_vtk.app.plots.curves import Spectrum
 from spacemap_vtk.app.widgets import RIGHT, column, note, row, table
@@ -35,7 +36,7 @@ from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.mechanics.modal.damping import Damping, HasDamping
 from spacemap_vtk.mechanics.modal.resolution import UNRESOLVED, describe_unresolved_modes
 from spacemap_vtk.mechanics.response.oscillator import classify_regimes, damping_ratio
-from spacemap_vtk.units import align_decimals, typeset_units
+from spacemap_vtk.units import align_decimals, format_errors, typeset_units
 
 _HEADINGS = ("Mode", "f [Hz]", "Damping", "Mass")
 _FREQUENCY = _HEADINGS.index("f [Hz]")
@@ -113,6 +114,14 @@ class ModesTab(QWidget):
         #: Warning about modes that the cells are too large to resolve.
         self.unresolved = note(name="note")
         self.unresolved.hide()
+        self.errors_button = QPushButton("Estimate errors")
+        self.errors_button.setToolTip(
+            "Solve the cage again in cells twice as wide, and show how far each frequency depends "
+            "on the cells"
+        )
+        self.errors_button.clicked.connect(self._request_errors)
+        self._engine = engine
+        engine.background_ready.connect(self._receive_errors)
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.amplitude_text)
         column(
             self,
@@ -122,7 +131,7 @@ class ModesTab(QWidget):
             (self.table, 1),
             self.response,
             below,
-            self.back_button,
+            row(None, self.back_button, self.errors_button),
             margins=(6, 6, 6, 6),
         )
         self._modes_key: Any = None
@@ -166,6 +175,8 @@ class ModesTab(QWidget):
             return
         self._modes_key = key
         self.unresolved.hide()
+        self._set_estimating(False)
+        self.errors_button.setVisible(bool(len(values)))
         if cage is None:
             self.response.clear()
         self.table.setRowCount(len(values))
@@ -236,6 +247,34 @@ class ModesTab(QWidget):
         clause = describe_unresolved_modes(errors)
         self.unresolved.setText(f"{clause.capitalize()}; use finer divisions of the cage.")
         self.unresolved.setVisible(bool(clause))
+
+    def _request_errors(self) -> None:
+        self._set_estimating(True)
+        self._engine.start_background(compute_errors)
+
+    def _set_estimating(self, is_running: bool) -> None:
+        self.errors_button.setEnabled(not is_running)
+        self.errors_button.setText("Estimating errors …" if is_running else "Estimate errors")
+
+    def _receive_errors(self, result: Any) -> None:
+        """Write the errors beside the frequencies, if the modes are still the same."""
+        if self.errors_button.isEnabled():
+            return  # the result was requested by another tab
+        self._set_estimating(False)
+        if isinstance(result, Exception):
+            self.unresolved.setText(f"No errors: {result}")
+            self.unresolved.show()
+        if not isinstance(result, ModeErrors):
+            return
+        if not np.array_equal(result.frequencies, self.response.frequencies):
+            return
+        texts = format_errors(align_decimals(result.frequencies), result.errors)
+        for number, text in enumerate(texts):
+            # The font is proportional: spaces align nothing.
+            self.table.item(number, _FREQUENCY).setText(" ".join(text.split()))
+        self.unresolved.setText(result.note)
+        self.unresolved.setVisible(bool(result.note))
+        self._fit_columns()
 
     def set_angles(self, turns: bool) -> None:
         """Set whether amplitudes are angles; large ones need reconstructed rotations."""

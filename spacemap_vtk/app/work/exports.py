@@ -147,6 +147,22 @@ class Exports(QObject):
             QSettings().setValue(_FOLDER_KEY, str(path.parent))
             self.start("plan", path, settings=settings)
 
+    def measurement(self, ending: str, test: str) -> None:
+        """Ask for a file, and write the plot, the curve or the film of a test."""
+        if not self._require_idle():
+            return
+        label = {".png": "Plot", ".csv": "Table", ".gif": "Film"}[ending]
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            "Save measurement",
+            str(self._propose_path(ending)),
+            name_filter(label, [ending]),
+        )
+        path = add_ending(self._window, Path(name), ending) if name else None
+        if path is not None:
+            QSettings().setValue(_FOLDER_KEY, str(path.parent))
+            self.start("measurement", path, test=test)
+
     def draft(self) -> None:
         """Ask how the draft is printed, and write it as a PDF."""
         if not self._require_idle():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.laboratory.records import Measurement, Unit
@@ -14,9 +14,21 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Colours of curves; of the lines behind them, and of scales in SI.
+#: Colours of curves.
 COLORS = ("#c8502a", "#2c5f9e", "#2f7d5b", "#8e5ea2")
-_GRID, _FAINT = "#e6e9ed", "#7a8591"
+
+
+class Ink(NamedTuple):
+    """Colours of a plot."""
+
+    text: str
+    faint: str
+    grid: str
+    paper: str
+
+
+LIGHT = Ink("#26323e", "#7a8591", "#e6e9ed", "#ffffff")
+DARK = Ink("#dfe6ee", "#8794a3", "#2b3440", "#1d232b")
 #: Size of one panel [in].
 _WIDTH, _HEIGHT = 5.6, 4.2
 #: Dashes of a curve that lies on an earlier one.
@@ -41,7 +53,9 @@ def measurement_plot(title: str, results: Sequence[TestResult]) -> Figure:
     return figure
 
 
-def draw_curves(panel: Axes, measurement: Measurement, with_si: bool = True) -> None:
+def draw_curves(
+    panel: Axes, measurement: Measurement, with_si: bool = True, ink: Ink = LIGHT
+) -> None:
     """Draw the curves of a test into a panel, with the figures beside them."""
     x, y = measurement.x_axis, measurement.y_axis
     drawn: list[tuple[object, ...]] = []
@@ -56,17 +70,23 @@ def draw_curves(panel: Axes, measurement: Measurement, with_si: bool = True) -> 
             label=_describe_curve(measurement, curve.name),
         )
         drawn.append(values)
-    panel.set(xlabel=x.label, ylabel=y.label)
-    panel.grid(color=_GRID, linewidth=0.6)
+    panel.set(xlabel=x.label, ylabel=y.label, facecolor=ink.paper)
+    panel.grid(color=ink.grid, linewidth=0.6)
+    panel.tick_params(colors=ink.text)
+    for label in (panel.xaxis.label, panel.yaxis.label):
+        label.set_color(ink.text)
     panel.spines[["top", "right"]].set_visible(False)
+    panel.spines[["left", "bottom"]].set_color(ink.faint)
     if min(curve.x.min() for curve in measurement.curves) < 0.0:
-        panel.axhline(0.0, color="#aeb6c0", linewidth=0.8, zorder=1)
-        panel.axvline(0.0, color="#aeb6c0", linewidth=0.8, zorder=1)
+        panel.axhline(0.0, color=ink.faint, linewidth=0.8, zorder=1)
+        panel.axvline(0.0, color=ink.faint, linewidth=0.8, zorder=1)
     else:
         panel.set_xlim(left=0.0)
         panel.set_ylim(bottom=0.0)
     # The curves rise from the lower left to the upper right.
-    panel.legend(frameon=False, fontsize=8 if with_si else 7, loc="lower right")
+    panel.legend(
+        frameon=False, fontsize=8 if with_si else 7, loc="lower right", labelcolor=ink.text
+    )
     if with_si and y.unit.si and y.unit.size != 1.0:
         _add_si_axis(panel, y.unit)
 
@@ -81,8 +101,8 @@ def _add_si_axis(panel: Axes, unit: Unit) -> None:
         return value / unit.size
 
     axis = panel.secondary_yaxis("right", functions=(to_si, from_si))
-    axis.set_ylabel(f"[{typeset_units(unit.si)}]", color=_FAINT)
-    axis.tick_params(colors=_FAINT, labelsize=8)
+    axis.set_ylabel(f"[{typeset_units(unit.si)}]", color=LIGHT.faint)
+    axis.tick_params(colors=LIGHT.faint, labelsize=8)
     axis.spines["right"].set_visible(False)
 
 

@@ -15,10 +15,46 @@ from spacemap_vtk.mechanics.boundary.places import (
     find_components,
     parse_places,
 )
+from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction
 from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Word for the place of a grip in messages.
 PLACE = "grip"
+
+
+class GripMotion(NamedTuple):
+    """Motion of a grip in time: a displacement and a rotation vector times a function."""
+
+    displacement: Floats
+    """(3,), displacement where the function is 1 [m]."""
+    rotation: Floats
+    """(3,), rotation vector where the function is 1 [rad]."""
+    function: TimeFunction
+    """Factor over time, which is continuous and begins with 0."""
+
+    def displace(self, points: Floats, center: Floats, time: float) -> tuple[Floats, Floats]:
+        """Compute the motion of points, and how it changes with the factor.
+
+        Parameters
+        ----------
+        points : ndarray of float64, shape (V, 3)
+            Positions before the motion [m].
+        center : ndarray of float64, shape (3,)
+            Centre of the rotation [m], which moves with the points.
+        time : float
+            Time [s].
+
+        Returns
+        -------
+        displacement : ndarray of float64, shape (V, 3)
+            Displacement since t = 0 [m].
+        change : ndarray of float64, shape (V, 3)
+            Its derivative by the factor [m]; times the slope of the function it is the velocity.
+        """
+        factor = self.function.value(time)
+        turned = displace_rigidly(points, center, np.zeros(3), factor * self.rotation)
+        change = self.displacement + np.cross(self.rotation, points - center + turned)
+        return turned + factor * self.displacement, change
 
 
 class Grip(NamedTuple):
@@ -38,6 +74,8 @@ class Grip(NamedTuple):
     """(S, 3), rotation vector at each of these places [rad], in the direction of the axis."""
     name: str = "grip"
     """Name in reports."""
+    motion: GripMotion | None = None
+    """Motion in time, from the last place of the path on."""
 
     def displacement(self, points: Floats, at: float) -> Floats:
         """Compute the prescribed displacement.

@@ -25,6 +25,8 @@ class Fold(NamedTuple):
     """Largest angle between the normals of neighbouring vertices [rad]."""
     curvature: float
     """Largest such angle over the distance of the vertices at rest [1/m]."""
+    lean: float
+    """Largest angle between the normal of a vertex and the cells around it [rad]."""
 
 
 def stretch_of(strain: Floats) -> Floats:
@@ -105,8 +107,31 @@ def find_tightest_fold(rest: Floats, moved: Floats, surface: MidSurface) -> Fold
     first, last = surface.quads[:, SIDES].reshape(-1, 2).T
     middle, normals = surface.to_nodes(rest)[:count], surface.to_nodes(moved)[count:]
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
-    # By the chord: an angle from its cosine would have half the digits.
-    chords = np.linalg.norm(normals[last] - normals[first], axis=1)
-    turns = 2.0 * np.arcsin(np.minimum(chords / 2.0, 1.0))
+    turns = _angles(normals[last], normals[first])
     widths = np.linalg.norm(middle[last] - middle[first], axis=1)
-    return Fold(float(turns.max(initial=0.0)), float((turns / widths).max(initial=0.0)))
+    around = _cell_normals(surface.to_nodes(moved)[:count], surface)
+    upright = _cell_normals(middle, surface)[:, surface.normal]
+    around *= np.sign(surface.to_nodes(rest)[count:, surface.normal] * upright)[:, None]
+    leans = _angles(normals, around)
+    return Fold(
+        float(turns.max(initial=0.0)),
+        float((turns / widths).max(initial=0.0)),
+        float(leans.max(initial=0.0)),
+    )
+
+
+def _angles(first: Floats, other: Floats) -> Floats:
+    """Compute the angles between unit vectors (n, 3)."""
+    # By the chord: an angle from its cosine would have half the digits.
+    chords = np.linalg.norm(first - other, axis=1)
+    return np.asarray(2.0 * np.arcsin(np.minimum(chords / 2.0, 1.0)))
+
+
+def _cell_normals(middle: Floats, surface: MidSurface) -> Floats:
+    """Compute the mean normal of the cells around each vertex, (V, 3), of unit length."""
+    corners = middle[surface.quads]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    sums = np.zeros_like(middle)
+    np.add.at(sums, surface.quads, normals[:, None])
+    return np.asarray(sums / np.maximum(np.linalg.norm(sums, axis=1), 1e-12)[:, None])

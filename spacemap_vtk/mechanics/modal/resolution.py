@@ -10,12 +10,10 @@ import numpy as np
 from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL
 from spacemap_vtk.mechanics.elements.elasticity import VOIGT
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.modal.sheet_cells import BENDING
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 
-#: Error of a mode's frequency divided by (k c)², for wave number k and cell width c, for modes that
-#: bend the sheet. Fitted to simply supported plates (π/12 to π/4 per cell: 0.11 to 0.12).
-BENDING = 0.117
-#: The same for modes that stretch the sheet or that tension stiffens (bilinear elements).
+#: As `BENDING`, for modes that stretch the sheet or that tension stiffens (bilinear elements).
 STRETCHING = 1 / 24
 #: Estimated error of a mode's frequency above which the mode is reported as unresolved.
 UNRESOLVED = 0.1

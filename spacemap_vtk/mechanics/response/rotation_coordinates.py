@@ -179,7 +179,7 @@ class RotationCoordinates:
         """Compute the largest product of rotation and strain of an element.
 
         Strain and rotation do not commute, and a linear motion does not know their order: the
-        gradients exp(ω) (1 + ε) and exp(ω + ε) differ by up to |ω| |ε|.
+        gradients exp(ω) (1 + ε) and exp(ω + ε) differ by up to the product of their sizes.
 
         Parameters
         ----------

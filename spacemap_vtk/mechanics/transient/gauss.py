@@ -53,7 +53,7 @@ from spacemap_vtk.mechanics.transient.stage_stress import (
     stage_weights,
     viscous_stress,
 )
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import Bools, Floats
 
 #: Matrix A of the method, and its inverse.
 _A = np.array([[0.25, STAGES[0] - 0.25], [STAGES[1] - 0.25, 0.25]])
@@ -103,6 +103,8 @@ class ActingLoads(NamedTuple):
     """Forces, (N,)."""
     factors: Floats
     """Factors of the terms that do external work, (n,)."""
+    nodal: Floats
+    """Forces on all nodes, also on held ones, (V, 3)."""
 
 
 class Step(NamedTuple):
@@ -128,6 +130,15 @@ class Step(NamedTuple):
     """Energy that terms with forces of their own dissipated in the step."""
     pushed: float
     """Work that these terms did."""
+    moves: Floats
+    """Moves of q from the start to both stages, (2, N)."""
+    gripped: float
+    """Work of the coordinates whose motion is prescribed."""
+    holding: Floats
+    """Forces that hold the nodes at both stages, less the loads in `ActingLoads.held`, (2, V, 3):
+    0 but for rounding where nothing is held or prescribed."""
+    pressing: dict[int, Floats]
+    """Mean forces that hold the nodes of each term with forces of its own, (V, 3), by number."""
 
 
 class _ElementStages(NamedTuple):
@@ -155,7 +166,8 @@ class GaussIntegrator:
     """Equations of motion of a body; forces and energies are divided by its modulus."""
 
     # Terms of the system that are not conservative do external work. Each is multiplied by a factor
-    # that may change with time, see `ActingLoads`.
+    # that may change with time, see `ActingLoads`. The motion of the coordinates `prescribed` is
+    # given; their equations yield the forces that it needs. `whole` is the mass of all nodes.
 
     def __init__(
         self,
@@ -164,6 +176,8 @@ class GaussIntegrator:
         alpha: float,
         beta: float,
         drag: Floats | None = None,
+        prescribed: Bools | None = None,
+        whole: sp.csr_matrix | None = None,
     ) -> None:
         self.system, self.mass, self.alpha, self.beta = system, mass.tocsr(), alpha, beta
         #: Numbers of the terms that are strains, and of those that are integrated by a
@@ -189,9 +203,14 @@ class GaussIntegrator:
         size = self.mass.shape[0]
         #: Matrix U of the equations above, (N, m).
         self.drag = np.empty((size, 0)) if drag is None else drag
+        #: (N,), coordinates whose motion is prescribed.
+        self.prescribed = np.zeros(size, dtype=bool) if prescribed is None else prescribed
+        self._whole = whole
+        if self.drag.size:
+            self.drag = np.where(self.prescribed[:, None], 0.0, self.drag)
         extent = float(np.linalg.norm(np.ptp(system.start, axis=0)))
         self._least_correction = NEGLIGIBLE * extent * math.sqrt(float(mass.diagonal().sum()))
-        self._stage_system = _StageSystem(system, self.mass)
+        self._stage_system = _StageSystem(system, self.mass, self.prescribed)
         self._kept: _KeptTangent | None = None
 
     def evaluate(self, position: Floats) -> list[TermState]:
@@ -228,7 +247,8 @@ class GaussIntegrator:
     ) -> Step | None:
         """Compute the state after a span [s]; None if Newton's method does not converge."""
         # `loads_at` returns the loads at a time [s]. `guess`, (2, N), estimates the moves
-        # from the start to both stages; `stress` is that of each kind of element.
+        # from the start to both stages, and gives those of prescribed coordinates; `stress` is that
+        # of each kind of element.
         pushes = np.stack([loads_at(time + share * span).push for share in STAGES])
         factors = np.stack([self._term_factors(loads_at(time + share * span)) for share in TIMES])
         strains, start = self.strain_states(parts), self._nodal(position)
@@ -260,6 +280,7 @@ class GaussIntegrator:
             residual += self._conservative_forces(
                 between, factors, parts, stages, position, moves, speeds, span
             )
+            residual[:, self.prescribed] = 0.0
             if kept is None:
                 if tangent_count == MAX_TANGENTS:
                     return None
@@ -267,7 +288,7 @@ class GaussIntegrator:
                 # The stress computed from its positions contains the spurious stretch of a
                 # linearised rotation. The static equilibrium does the same.
                 if self.system.follow(end):
-                    self._stage_system = _StageSystem(self.system, self.mass)
+                    self._stage_system = _StageSystem(self.system, self.mass, self.prescribed)
                 tangents = {number: each.tangent(end) for number, each in steps.items()}
                 solve = self._factorise(stages, stage_stress, between, factors, tangents, span)
                 if solve is None:
@@ -305,7 +326,8 @@ class GaussIntegrator:
         for part, stage in zip(strains, stages, strict=True):
             for flow in stage.rates:
                 damped += self.beta * span / 2 * float(np.vdot(flow, viscous_stress(part, flow)))
-        driving = self._external_forces(self._evaluate_between(position, moves), factors)
+        between = self._evaluate_between(position, moves)
+        driving = self._external_forces(between, factors)
         work = span / 2 * float(np.vdot(pushes - driving, speeds))
         mean = np.zeros_like(rate)
         for each in steps.values():
@@ -318,8 +340,42 @@ class GaussIntegrator:
             terms[number] = result.term
         rubbed = sum(result.dissipated for result in finished.values())
         pushed = sum(result.work for result in finished.values())
+        pressing = {number: each.forces(end) for number, each in steps.items()}
+        holding, gripped = np.zeros((2, *start.shape)), 0.0
+        if self._whole is not None:
+            missing = self._missing_share(
+                between, factors, parts, stages, position, moves, speeds, span
+            )
+            accelerations = _INVERSE @ (speeds - rate) / span + (self.alpha + missing) * speeds
+            holding = self._mean_nodal_forces(between, factors)
+            for i, share in enumerate(STAGES):
+                swing = self.system.node_moves(accelerations[i])
+                holding[i] += (self._whole @ swing.ravel()).reshape(-1, 3)
+                holding[i] -= loads_at(time + share * span).nodal
+                for part, stage in zip(strains, stages, strict=True):
+                    pull = stage.response.stress[i]
+                    holding[i] += part.kind.sum_forces(pull, stage.slopes[i], len(end))
+            holding += sum(pressing.values())
+            held = np.stack([self.system.reduce_forces(each) for each in holding])
+            moved = self.prescribed
+            gripped = span / 2 * float(np.vdot(held[:, moved], speeds[:, moved]))
         parts = [term.evaluate(end) for term in terms]
-        return Step(last, later, parts, damped, work, error, pulls, terms, rubbed, pushed)
+        return Step(
+            last,
+            later,
+            parts,
+            damped,
+            work,
+            error,
+            pulls,
+            terms,
+            rubbed,
+            pushed,
+            moves,
+            gripped,
+            holding,
+            pressing,
+        )
 
     def _estimate_error(
         self,
@@ -348,6 +404,7 @@ class GaussIntegrator:
         for number, factor in zip(self._others, self._term_factors(load), strict=True):
             if factor:
                 difference += factor * self.system.reduce_forces(parts[number].forces)
+        difference[self.prescribed] = 0.0
         found = solve(np.stack([difference, difference]))
         return self.system.node_moves(found[1] / (30 * STAGES[1] ** 2))
 
@@ -473,14 +530,21 @@ class GaussIntegrator:
 
     def _mean_forces(self, between: list[list[TermState]], factors: Floats) -> Floats:
         """Compute weighted means of forces over the step, whose work at the stages is exact."""
+        if not any(map(len, between)):
+            return np.zeros((2, len(self.drag)))
+        found = self._mean_nodal_forces(between, factors)
+        return np.stack([self.system.reduce_forces(each) for each in found])
+
+    def _mean_nodal_forces(self, between: list[list[TermState]], factors: Floats) -> Floats:
+        """Compute the means of `_mean_forces` at all nodes, (2, V, 3)."""
         # The work is exact if the power is of at most fifth degree in time. A constant pressure
         # does the work p ΔV.
-        total = np.zeros((2, len(self.drag)))
+        total = np.zeros((2, *self.system.start.shape))
         for point, (states, sizes) in enumerate(zip(between, factors, strict=True)):
             for state, size in zip(states, sizes, strict=True):
                 if size:
-                    force = self.system.reduce_forces(size * state.forces)
-                    total += 2 * SHARES[point] * LAGRANGE[:, point, None] * force
+                    force = size * state.forces
+                    total += 2 * SHARES[point] * LAGRANGE[:, point, None, None] * force
         return total
 
     def _mean_tangents(self, between: list[list[TermState]], factors: Floats) -> dict[int, Floats]:
@@ -507,15 +571,35 @@ class GaussIntegrator:
         span: float,
     ) -> Floats:
         """Compute the forces of conservative terms at the stages; their work is the energy gain."""
-        # Elements whose stress follows a law add only what their own forces leave to the gain.
         forces = self._mean_forces(between, factors * ~self._driven)
+        missing = self._missing_share(
+            between, factors, parts, stages, position, moves, speeds, span, forces
+        )
+        return forces + missing * (self.mass @ speeds.T).T if missing else forces
+
+    def _missing_share(
+        self,
+        between: list[list[TermState]],
+        factors: Floats,
+        parts: list[TermState],
+        stages: list[_ElementStages],
+        position: Floats,
+        moves: Floats,
+        speeds: Floats,
+        span: float,
+        forces: Floats | None = None,
+    ) -> float:
+        """Compute the factor of M ẋ in the forces that make the work the energy gain."""
+        # Elements whose stress follows a law add only what their own forces leave to the gain.
         held = [n for n, drives in zip(self._others, self._driven, strict=True) if not drives]
         if not held and not self._follows_law:
-            return forces
+            return 0.0
+        if forces is None:
+            forces = self._mean_forces(between, factors * ~self._driven)
         heavy = (self.mass @ speeds.T).T
         weight = span / 2 * float(np.vdot(speeds, heavy))
         if weight == 0.0:
-            return forces
+            return 0.0
         end = self._nodal(_end_position(position, moves))
         before = np.array([parts[number].energy for number in held])
         after = np.array([self.system.terms[number].energy(end) for number in held])
@@ -523,9 +607,7 @@ class GaussIntegrator:
         missing += sum(stage.response.missing(span) for stage in stages)
         size = float((abs(before) + abs(after)).sum())
         size += sum(abs(part.energy) for part in self.strain_states(parts))
-        if abs(missing) <= ENERGY_ROUNDING * size:
-            return forces
-        return forces + missing / weight * heavy
+        return 0.0 if abs(missing) <= ENERGY_ROUNDING * size else missing / weight
 
     def _is_admissible(
         self, position: Floats, moves: Floats, end: Floats, steps: dict[int, TermStep]
@@ -579,7 +661,9 @@ class GaussIntegrator:
 class _StageSystem:
     """Linear systems for both stages, in which each unknown of the system occurs twice."""
 
-    def __init__(self, system: ReducedSystem, mass: sp.csr_matrix) -> None:
+    # Those of prescribed coordinates only keep their value.
+
+    def __init__(self, system: ReducedSystem, mass: sp.csr_matrix, prescribed: Bools) -> None:
         pattern = system.pattern()
         size, count = pattern.shape[0], pattern.nnz
         #: Number of entries in the pattern of a tangent.
@@ -589,6 +673,11 @@ class _StageSystem:
         self._mass = np.zeros(count)
         slots = np.searchsorted(keys, given.row * size + given.col.astype(np.int64))
         self._mass[slots] = given.data
+        #: Entries of prescribed coordinates, and those of them on the diagonal.
+        self._fixed = np.zeros(0, dtype=np.int64)
+        if prescribed.any():
+            self._fixed = np.flatnonzero(prescribed[rows] | prescribed[pattern.indices])
+            self._unit = np.flatnonzero(prescribed[rows] & (rows == pattern.indices))
         numbers = np.arange(count) + 1.0
         blocks = sp.bmat(
             [
@@ -605,11 +694,21 @@ class _StageSystem:
 
     def solution(self, tangents: Floats, heavy: Floats) -> Solve | None:
         """Factorise tangents (2, 2, n) plus mass times factors (2, 2); None if singular."""
-        values = (tangents + heavy[:, :, None] * self._mass).ravel()
+        values = tangents + heavy[:, :, None] * self._mass
+        if len(self._fixed):
+            values[:, :, self._fixed] = 0.0
+            for i in range(2):
+                values[i, i, self._unit] = 1.0
+        values = values.ravel()
         solve = factorise_square(values, self._pattern)
         if solve is None:
             return None
         return lambda right: solve(right.ravel()).reshape(2, -1)
+
+
+def moves_to_stages(speeds: Floats, span: float) -> Floats:
+    """Compute the moves to both stages, (2, n), from the speeds there."""
+    return np.asarray(span * _A @ speeds)
 
 
 def _end_position(position: Floats, moves: Floats) -> Floats:

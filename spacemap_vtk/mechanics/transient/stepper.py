@@ -16,10 +16,13 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, diags, hstack
+from scipy.sparse.linalg import spsolve
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.boundary.follower import FollowerPressure
+from spacemap_vtk.mechanics.boundary.grips import Grip, held_by
+from spacemap_vtk.mechanics.boundary.reactions import Bearing
 from spacemap_vtk.mechanics.boundary.time_functions import Sine, is_constant
 from spacemap_vtk.mechanics.contact.layer_friction import (
     LayerFriction,
@@ -30,18 +33,25 @@ from spacemap_vtk.mechanics.contact.obstacle_step import SteppedObstacle, begin_
 from spacemap_vtk.mechanics.contact.obstacle_term import ObstacleTerm
 from spacemap_vtk.mechanics.contact.resting import obstacles_of
 from spacemap_vtk.mechanics.contact.self_contact import SelfContact
+from spacemap_vtk.mechanics.elements.shell import free_sheet_motions
 from spacemap_vtk.mechanics.elements.strains import StrainState
 from spacemap_vtk.mechanics.equilibrium.energy_terms import TermState, VertexTerm
 from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes, LoadVector
 from spacemap_vtk.mechanics.modal.damping import Damping
+from spacemap_vtk.mechanics.modal.pencil import free_columns
 from spacemap_vtk.mechanics.response.cage_response import Motion
 from spacemap_vtk.mechanics.response.modal_motion import base_factors, jump_of
-from spacemap_vtk.mechanics.transient.gauss import ActingLoads, GaussIntegrator
+from spacemap_vtk.mechanics.transient.gauss import (
+    ActingLoads,
+    GaussIntegrator,
+    Step,
+    moves_to_stages,
+)
 from spacemap_vtk.mechanics.transient.stage_stress import STAGES, viscous_stress
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.ndarrays import Bools, Floats, Progress
 
 #: First step, as a share of the longest one.
 FIRST = 1 / 256
@@ -73,9 +83,10 @@ MIN_MOTION = 1e-7
 #: its matrix need not be factorised again.
 SAME_STEP = 1.2
 
-#: Number of columns before positions and rates: time, the step to try next, kinetic, strain and
-#: dissipated energy, external work, and the parts of the last two by friction and by obstacles.
-COLUMNS = 8
+#: Number of columns before reactions, positions and rates: time, the step to try next, kinetic,
+#: strain and dissipated energy, external work, and the parts of the last two by friction, by
+#: obstacles and by grips.
+COLUMNS = 9
 
 
 class SteppedMotion(Motion):
@@ -103,6 +114,13 @@ class SteppedMotion(Motion):
         If it is infinite, only the other limits bound the steps.
     max_step : float, optional
         Longest step [s].
+    grips : sequence of Grip, optional
+        Grips, in their last places on the path; those with a motion move in time.
+    bearings : sequence of Bearing, optional
+        Supports and grips whose reactions are wanted.
+    holding : ndarray of float64, shape (V, 3), optional
+        Forces that hold the cage in its equilibrium [N], see `Model.holding_forces`; by default
+        all forces on held components, without the loads there.
 
     Raises
     ------
@@ -140,20 +158,27 @@ class SteppedMotion(Motion):
         settled: bool = False,
         tolerance: float = 1e-4,
         max_step: float = 0.02,
+        grips: Sequence[Grip] = (),
+        bearings: Sequence[Bearing] = (),
+        holding: Floats | None = None,
     ) -> None:
         self.model = model = cage.model
         self.points, self.cells = model.points, model.cells
         self.loads, self._settled = tuple(loads), settled
-        _check_supported(cage, self.loads)
+        _check_supported(cage, self.loads, grips)
+        self._all_grips = tuple(grips)
+        self._grips = [grip for grip in grips if grip.motion is not None]
+        self.bearings = tuple(bearings)
         size = float(np.linalg.norm(np.ptp(model.points, axis=0)))
         #: Largest error per radian, as a share of the motion. A vibration about an equilibrium
         #: moves away from its start by twice its amplitude.
         self._max_error = tolerance / (4 * math.pi * PERIODS)
         self._min_motion = MIN_MOTION * size
         motions = [term.motion for term in obstacles_of(model)]
-        #: Time functions of loads and obstacles.
+        #: Time functions of loads, obstacles and grips.
         self._functions = [load.function for load in self.loads]
         self._functions += [motion.function for motion in motions if motion is not None]
+        self._functions += [grip.motion.function for grip in self._grips if grip.motion]
         sines = [function for function in self._functions if isinstance(function, Sine)]
         self.max_step = min(
             [max_step, *(2 * math.pi / (STEPS_PER_PERIOD * s.omega) for s in sines)]
@@ -164,6 +189,8 @@ class SteppedMotion(Motion):
         #: Farthest displacement of each nodal vector from its start.
         self._farthest = np.zeros_like(start)
         dead = np.zeros_like(start) if forces is None else forces
+        self._holding = np.zeros_like(self.points) if holding is None else holding
+        dead = dead - self._forces_to_nodes(self._holding)
         followers = [
             VertexTerm(FollowerPressure(load.faces), pencil.surface)
             for load in self.loads
@@ -174,11 +201,13 @@ class SteppedMotion(Motion):
         if model.displacement is not None:
             self.rest = model.displacement
         moved = np.zeros_like(self.points) if displacement is None else displacement - self.rest
+        self._basis, prescribed = self._extend_basis()
         q, v = (
-            pencil.reduce_displacements(np.reshape(field, (-1, 1)))[:, 0]
+            self._basis.T @ self._to_nodes(field).ravel()
             for field in (moved, np.zeros_like(moved) if velocity is None else velocity)
         )
-        first = start + (pencil.basis @ q).reshape(-1, 3)
+        v[prescribed] = 0.0
+        first = start + (self._basis @ q).reshape(-1, 3)
         # A pencil is shared by models that differ only in the motions of their obstacles.
         moving = iter(motions)
         terms = []
@@ -190,31 +219,77 @@ class SteppedMotion(Motion):
             elif isinstance(term, LayerFriction):
                 term = begin_stepping_layers(term, first)
             terms.append(term)
-        system = ReducedSystem([*terms, *followers], pencil.basis, start)
+        system = ReducedSystem([*terms, *followers], self._basis, start)
         #: Number of terms other than followers that do external work.
         self._driven_count = sum(not term.conservative for term in pencil.terms)
+        whole = (model.density / model.modulus) * pencil.full_mass
         mass = (model.density / model.modulus) * pencil.mass
+        if prescribed.any():
+            mass = (self._basis.T @ whole @ self._basis).tocsr()
         beta, drag = _damping_from_ratios(cage, system, mass, damping)
-        self._integrator = GaussIntegrator(system, mass, damping.alpha, beta, drag)
-        self._dead = system.reduce_forces(dead)
-        self._pushes = [
-            pencil.reduce_forces(cage.vertex_forces(load)[:, None])[:, 0] / model.modulus
-            for load in self.loads
+        needs_holding = bool(self._grips or self.bearings or motions)
+        self._integrator = GaussIntegrator(
+            system, mass, damping.alpha, beta, drag, prescribed, whole if needs_holding else None
+        )
+        #: Loads on all nodes (V, 3), and on the coordinates: dead ones, and each of `loads`.
+        self._nodal_dead = dead
+        self._nodal_pushes = [
+            self._forces_to_nodes(cage.vertex_forces(load).reshape(-1, 3)) for load in self.loads
         ]
-        self._rows = np.empty((64, COLUMNS + 2 * len(q)))
+        self._dead = system.reduce_forces(dead)
+        self._pushes = [system.reduce_forces(push) for push in self._nodal_pushes]
+        #: Number of bodies whose reactions are computed, and of columns before positions.
+        self._bodies = len(self.bearings) + len(motions)
+        self._head = COLUMNS + 6 * self._bodies
+        self._rows = np.empty((64, self._head + 2 * len(q)))
         self._count = 0
         kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
-        begun = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain, 0.0, 0.0]
-        self._append(np.concatenate([begun, q, v]))
+        begun = [0.0, FIRST * self.max_step, kinetic, strain, 0.0, kinetic + strain, 0.0, 0.0, 0.0]
+        self._append(np.concatenate([begun, self._static_reactions(first), q, v]))
         #: Number of the last state, its terms, and the stress of each kind of element.
         self._last_state: tuple[int, list[TermState], list[Floats]] = 0, [], []
         #: Number of states that `_farthest` includes.
         self._seen_count = 1
         self._append_jump(0.0)
 
+    def _to_nodes(self, moved: Floats) -> Floats:
+        """Convert vectors of the vertices to those of the nodes, (V, 3)."""
+        surface = self.model.pencil.surface
+        return moved if surface is None else surface.to_nodes(moved)
+
+    def _forces_to_nodes(self, forces: Floats) -> Floats:
+        """Convert forces on the vertices [N] to those on the nodes over the modulus, (V, 3)."""
+        found = self._to_nodes(forces) / self.model.modulus
+        return found if self.model.pencil.surface is None else 2 * found
+
+    def _forces_to_vertices(self, forces: Floats) -> Floats:
+        """Convert forces on the nodes over the modulus to those on the vertices [N], (V, 3)."""
+        surface = self.model.pencil.surface
+        found = forces if surface is None else surface.to_vertices(forces) / 2
+        return self.model.modulus * found
+
+    def _to_vertices(self, nodal: Floats) -> Floats:
+        """Convert vectors of the nodes to those of the vertices, (V, 3)."""
+        surface = self.model.pencil.surface
+        return nodal if surface is None else surface.to_vertices(nodal)
+
+    def _extend_basis(self) -> tuple[csc_matrix, Bools]:
+        """Add coordinates of what moving grips hold to the basis; return which these are."""
+        pencil, points = self.model.pencil, self.points
+        free = pencil.basis.shape[1]
+        if not self._grips:
+            return pencil.basis, np.zeros(free, dtype=bool)
+        held = held_by(self._grips, points.shape)
+        if pencil.surface is None:
+            more = free_columns(held.ravel())
+        else:
+            more = free_sheet_motions(points, pencil.surface, ~held)
+        basis = hstack([pencil.basis, more], format="csc")
+        return basis, np.arange(basis.shape[1]) >= free
+
     @property
     def states(self) -> Floats:
-        """States so far, (n, 8 + 2N); times ascend, and a time occurs twice if a base jumps."""
+        """States so far, (n, 9 + 6K + 2N); a time occurs twice if a base or grip jumps."""
         return self._rows[: self._count]
 
     @property
@@ -313,7 +388,8 @@ class SteppedMotion(Motion):
 
     def at_time(self, time: float) -> Floats:
         """Compute the motion of the vertices at a time; before 0 they rest in the initial state."""
-        fields = self.model.pencil.expand(self._state(time).T).T.reshape(3, -1, 3)
+        system = self._integrator.system
+        fields = np.stack([self._to_vertices(system.node_moves(q)) for q in self._state(time)])
         fields = fields + self.base_motion(time)[:, None]
         fields[0] += self.rest
         return fields
@@ -321,8 +397,10 @@ class SteppedMotion(Motion):
     def history(self, weights: Floats, times: Floats) -> Floats:
         """Compute the motion of a point over time."""
         # The point is a mesh of one vertex; gathering of forces is the transpose of spreading.
-        forces = (weights[:, None, None] * np.eye(3)).reshape(-1, 3)
-        point, share = self.model.pencil.reduce_forces(forces), weights.sum()
+        reduce, size = self._integrator.system.reduce_forces, self.model.modulus
+        spread = weights[:, None] * size * np.eye(3)[:, None]  # (3, V, 3)
+        point = np.stack([reduce(self._forces_to_nodes(part)) for part in spread], axis=1)
+        share = weights.sum()
         found = np.stack(
             [self._state(t) @ point + share * self.base_motion(t) for t in times], axis=1
         )
@@ -331,11 +409,7 @@ class SteppedMotion(Motion):
 
     def energies(self, times: Floats) -> Floats:
         """Compute the energies over time, linear between the states."""
-        wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
-        self.step_until(float(wanted.max(initial=0.0)))
-        table = self.states
-        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in range(2, 6)]
-        return self.model.modulus * np.stack(found, axis=1)
+        return self._interpolate(times, range(2, 6))
 
     def contact_energies(self, times: Floats) -> Floats:
         """Compute the exchange of energy with obstacles over time, linear between the states.
@@ -351,11 +425,126 @@ class SteppedMotion(Motion):
             Energy dissipated by friction, and work of moving obstacles [J]; parts of the third and
             fourth column of `energies`.
         """
+        return self._interpolate(times, [6, 7])
+
+    def grip_work(self, times: Floats) -> Floats:
+        """Compute the work of moving grips over time, linear between the states.
+
+        Parameters
+        ----------
+        times : ndarray of float64, shape (t,)
+            Times [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (t,)
+            Work [J]; a part of the fourth column of `energies`.
+        """
+        return self._interpolate(times, [8])[:, 0]
+
+    def _interpolate(self, times: Floats, columns: Sequence[int]) -> Floats:
+        """Interpolate energies of the states, (t, n) [J]."""
         wanted = np.maximum(np.asarray(times, dtype=np.float64), 0.0)
         self.step_until(float(wanted.max(initial=0.0)))
         table = self.states
-        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in (6, 7)]
+        found = [np.interp(wanted, table[:, 0], table[:, k]) for k in columns]
         return self.model.modulus * np.stack(found, axis=1)
+
+    @property
+    def grips_move(self) -> bool:
+        """Whether a grip moves in time."""
+        return bool(self._grips)
+
+    def reactions(self, times: Floats) -> Floats:
+        """Compute force and moment of each body that holds the cage, as means over each step.
+
+        Parameters
+        ----------
+        times : ndarray of float64, shape (t,)
+            Times [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (t, K, 6)
+            Force [N] and moment [N m] on the cage of each bearing, then of each obstacle. Their
+            impulse over a step, with that of the loads, is the change of momentum.
+        """
+        wanted = np.asarray(times, dtype=np.float64)
+        self.step_until(float(wanted.max(initial=0.0)))
+        after = np.searchsorted(self.states[:, 0], wanted, side="right")
+        after = np.where(wanted < 0.0, 0, np.minimum(after, self._count - 1))
+        return self.states[after, COLUMNS : self._head].reshape(len(wanted), self._bodies, 6)
+
+    def reaction_points(self, time: float) -> Floats:
+        """Compute the points of the moments of `reactions`.
+
+        Parameters
+        ----------
+        time : float
+            Time [s].
+
+        Returns
+        -------
+        ndarray of float64, shape (K, 3)
+            Points [m].
+        """
+        points = [each.about for each in self.bearings]
+        obstacles = obstacles_of(self.model)
+        return np.reshape(
+            [
+                *(point + move for point, move in zip(points, self._moved(time), strict=True)),
+                *(
+                    term.obstacle.center + move
+                    for term, move in zip(obstacles, self.obstacle_moves(time), strict=True)
+                ),
+            ],
+            (-1, 3),
+        )
+
+    def _moved(self, time: float) -> list[Floats]:
+        """Return how far the point of moments of each bearing has moved [m]."""
+        grips, found = iter(self._all_grips), []
+        for bearing in self.bearings:
+            grip = next(grips) if bearing.kind == "grip" else None
+            move = np.zeros(3) if grip is None else grip.moves[-1]
+            if grip is not None and grip.motion is not None:
+                move = move + grip.motion.function.value(max(time, 0.0)) * grip.motion.displacement
+            found.append(move)
+        return found
+
+    def _static_reactions(self, nodal: Floats) -> Floats:
+        """Return the reactions in the state at the start, (6 K,)."""
+        terms = [term for term in self.model.pencil.terms if isinstance(term, ObstacleTerm)]
+        pressing = [term.forces(nodal) for term in terms]
+        return self._sum_reactions(self._holding[None], pressing, [nodal], [0.0], 0.0)
+
+    def _sum_reactions(
+        self,
+        holding: Floats,
+        pressing: Sequence[Floats],
+        nodal: Sequence[Floats],
+        times: Sequence[float],
+        middle: float,
+    ) -> Floats:
+        """Return means of the reactions, (6 K,), over given states."""
+        # `holding` are forces on the vertices at each of the given times, `nodal` the positions of
+        # the nodes then; `pressing` are mean forces on the nodes by which obstacles are pressed.
+        if not self._bodies:
+            return np.empty(0)
+        places = [self._to_vertices(each) for each in nodal]
+        total = np.zeros((self._bodies, 6))
+        for forces, place, time in zip(holding, places, times, strict=True):
+            for k, (bearing, move) in enumerate(zip(self.bearings, self._moved(time), strict=True)):
+                found = bearing.reaction(forces, place, move)
+                total[k] += np.concatenate([found.force, found.moment]) / len(places)
+        place, obstacles = np.mean(places, axis=0), obstacles_of(self.model)
+        moves = self.obstacle_moves(middle)
+        for k, (push, term) in enumerate(zip(pressing, obstacles, strict=True)):
+            forces = -self._forces_to_vertices(push)
+            arms = place - term.obstacle.center - moves[k]
+            moment = np.cross(arms, forces).sum(axis=0)
+            total[len(self.bearings) + k] = *forces.sum(axis=0), *moment
+        return total.ravel()
 
     def potential(self, times: Floats) -> Floats:
         """Compute the potential energy of loads that never change, linear between the states."""
@@ -367,7 +556,7 @@ class SteppedMotion(Motion):
             if load.faces is None and load.moves_base is None and is_constant(load.function):
                 dead += load.function.value(0.0) * push
         table = self.states
-        lost = table[:, COLUMNS : COLUMNS + len(dead)] @ dead
+        lost = table[:, self._head : self._head + len(dead)] @ dead
         found = -self.model.modulus * np.interp(wanted, table[:, 0], lost)
         return np.asarray(found[:-1] - found[-1])
 
@@ -376,7 +565,7 @@ class SteppedMotion(Motion):
         self.step_until(max(time, 0.0))
         now = int(np.searchsorted(self.states[:, 0], max(time, 0.0), side="right")) - 1
         first, last = self._rows[now : now + 2]
-        (q, v), (end, later) = (np.split(row[COLUMNS:], 2) for row in (first, last))
+        (q, v), (end, later) = (np.split(row[self._head :], 2) for row in (first, last))
         if time < 0.0:
             return np.stack([q, 0.0 * v, 0.0 * v])
         whole = last[0] - first[0]
@@ -424,7 +613,7 @@ class SteppedMotion(Motion):
 
     def _append(self, row: Floats) -> None:
         if self._count == len(self._rows):
-            size = (len(row) - COLUMNS) // 2
+            size = (len(row) - self._head) // 2
             require_memory(
                 2 * self._rows.nbytes,
                 f"keeping more than {self._count} steps of {size} degrees of freedom",
@@ -437,25 +626,59 @@ class SteppedMotion(Motion):
     def _loads_at(self, time: float) -> ActingLoads:
         """Compute the loads at a time, after any jump at that time."""
         total, factors = self._dead.copy(), [1.0] * self._driven_count
-        for load, push in zip(self.loads, self._pushes, strict=True):
+        nodal = self._nodal_dead.copy()
+        for load, push, pushed in zip(self.loads, self._pushes, self._nodal_pushes, strict=True):
+            size = load.function.value(time)
             if load.faces is not None:
-                factors.append(load.function.value(time) * load.pressure / self.model.modulus)
-            elif load.moves_base is None:
-                total += load.function.value(time) * push
-            elif isinstance(load.function, Sine):
-                total += load.function.omega**2 * load.function.value(time) * push
-        return ActingLoads(total, np.array(factors))
+                factors.append(size * load.pressure / self.model.modulus)
+                continue
+            if load.moves_base is not None:
+                size *= load.function.omega**2 if isinstance(load.function, Sine) else 0.0
+            if size:
+                total += size * push
+                nodal += size * pushed
+        return ActingLoads(total, np.array(factors), nodal)
+
+    def _prescribe(self, time: float, slopes: Sequence[float]) -> tuple[Floats, Floats]:
+        """Return coordinates of moving grips, (G,), and their rates if the factors have slopes."""
+        moved, rate = np.zeros((2, *self.points.shape))
+        for grip, slope in zip(self._grips, slopes, strict=True):
+            assert grip.motion is not None
+            place, center = self.points + self.rest, grip.center + grip.moves[-1]
+            displacement, change = grip.motion.displace(place, center, time)
+            moved = np.where(grip.held, displacement, moved)
+            rate = np.where(grip.held, slope * change, rate)
+        own = self._integrator.prescribed
+        place, speed = (self._basis.T @ self._to_nodes(each).ravel() for each in (moved, rate))
+        return place[own], speed[own]
+
+    def _grip_slopes(self, time: float) -> list[float]:
+        """Return the slopes of the functions of moving grips, after a corner at that time."""
+        return [grip.motion.function.slope(time) for grip in self._grips if grip.motion]
+
+    def _grip_moves(self, position: Floats, time: float, span: float) -> Floats:
+        """Return the moves of prescribed coordinates to both stages, (2, G)."""
+        # Speeds at the stages have their exact mean, so that grips end where they are prescribed.
+        speeds = np.stack(
+            [
+                self._prescribe(at, self._grip_slopes(at))[1]
+                for at in (time + share * span for share in STAGES)
+            ]
+        )
+        end = self._prescribe(time + span, [0.0] * len(self._grips))[0]
+        whole = end - position[self._integrator.prescribed]
+        return moves_to_stages(speeds + whole / span - speeds.mean(axis=0), span)
 
     def _make_step(self) -> None:
         """Make a step and append its state."""
         row = self.states[-1]
-        (time, step), (q, v) = row[:2].tolist(), np.split(row[COLUMNS:], 2)
+        (time, step), (q, v) = row[:2].tolist(), np.split(row[self._head :], 2)
         if self._last_state[0] != self._count:
             terms = self._integrator.evaluate(q)
             stress = [part.stress for part in self._integrator.strain_states(terms)]
             self._last_state = self._count, terms, stress
         _, terms, stress = self._last_state
-        for other in self.states[self._seen_count :, COLUMNS : COLUMNS + len(q)]:
+        for other in self.states[self._seen_count :, self._head : self._head + len(q)]:
             self._farthest = _longer_vectors(self._farthest, self._node_moves(other))
         self._seen_count = self._count
         end = min((each.next_corner(time) for each in self._functions), default=math.inf)
@@ -464,8 +687,11 @@ class SteppedMotion(Motion):
             # The step is shortened so that no tiny one is left before a corner.
             remaining = end - time
             span = remaining if step >= remaining * (1 - 1e-9) else min(step, remaining / 2)
+            guess = self._guess_moves(span)
+            if self._grips:
+                guess[:, self._integrator.prescribed] = self._grip_moves(q, time, span)
             found = self._integrator.make_step(
-                q, v, terms, self._loads_at, time, span, self._guess_moves(span), stress
+                q, v, terms, self._loads_at, time, span, guess, stress
             )
             shortest = span <= SHORTEST * self.max_step
             if found is None:
@@ -487,17 +713,33 @@ class SteppedMotion(Motion):
         following = max(span * longer, step if span < step else 0.0)
         self._integrator.accept(found)
         kinetic, strain = self._integrator.stored_energy(found.rate, found.parts)
-        damped, work = row[4] + found.damped + found.rubbed, row[5] + found.work + found.pushed
+        damped = row[4] + found.damped + found.rubbed
+        work = row[5] + found.work + found.pushed + found.gripped
         head = [end if span == remaining else time + span, following, kinetic, strain, damped, work]
-        head += [row[6] + found.rubbed, row[7] + found.pushed]
-        self._append(np.concatenate([head, found.position, found.rate]))
+        head += [row[6] + found.rubbed, row[7] + found.pushed, row[8] + found.gripped]
+        reactions = self._mean_reactions(q, v, found, time, span)
+        self._append(np.concatenate([head, reactions, found.position, found.rate]))
         self._last_state = self._count, found.parts, found.stress
         if span == remaining:
             self._append_jump(end)
 
+    def _mean_reactions(
+        self, q: Floats, v: Floats, found: Step, time: float, span: float
+    ) -> Floats:
+        """Return the mean reactions of a step that starts at q with rates v, (6 K,)."""
+        if not self._bodies:
+            return np.empty(0)
+        system = self._integrator.system
+        nodal = [system.start + system.node_moves(q + move) for move in found.moves]
+        holding = np.stack([self._forces_to_vertices(each) for each in found.holding])
+        terms = [isinstance(term, SteppedObstacle) for term in system.terms]
+        pressing = [push for number, push in found.pressing.items() if terms[number]]
+        times = [time + share * span for share in STAGES]
+        return self._sum_reactions(holding, pressing, nodal, times, time + span / 2)
+
     def _node_moves(self, position: Floats) -> Floats:
         """Compute the move of the nodal vectors from the first state, (V, 3)."""
-        first = self.states[0, COLUMNS : COLUMNS + len(position)]
+        first = self.states[0, self._head : self._head + len(position)]
         return self._integrator.system.node_moves(position - first)
 
     def _relative_error(self, errors: Floats, position: Floats) -> float:
@@ -512,20 +754,22 @@ class SteppedMotion(Motion):
     def _guess_moves(self, span: float) -> Floats:
         """Estimate the moves to both stages from the parabola of the last step."""
         row = self.states[-1]
-        v: Floats = np.split(row[COLUMNS:], 2)[1]
+        v: Floats = np.split(row[self._head :], 2)[1]
         times = STAGES[:, None] * span
         if self._count < 2 or (since := row[0] - self.states[-2][0]) <= 0.0:
             return times * v
-        before = np.split(self.states[-2][COLUMNS:], 2)[1]
+        before = np.split(self.states[-2][self._head :], 2)[1]
         return times * v + times**2 / 2 * (v - before) / since
 
     def _append_jump(self, time: float) -> None:
         """Append the state after a base jumps or starts to move; inertia holds the cage back."""
         moving = [load.moves_base is not None for load in self.loads]
+        if self._grips:
+            self._append_impulse(time)
         if not any(moving):
             return
         row = self.states[-1].copy()
-        q, v = np.split(row[COLUMNS:], 2)
+        q, v = np.split(row[self._head :], 2)
         way, speed = np.zeros((2, len(q)))
         for load, push, moves in zip(self.loads, self._pushes, moving, strict=True):
             if moves:
@@ -541,7 +785,29 @@ class SteppedMotion(Motion):
         kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
         row[5] += kinetic + strain - row[2] - row[3]
         row[1:4] = FIRST * self.max_step, kinetic, strain
-        self._append(np.concatenate([row[:COLUMNS], q, v]))
+        self._append(np.concatenate([row[: self._head], q, v]))
+
+    def _append_impulse(self, time: float) -> None:
+        """Append the state after the speed of a grip jumps; the momentum of the rest stays."""
+        slopes = [jump_of(g.motion.function, time, True)[1] for g in self._grips if g.motion]
+        if not any(slopes):
+            return
+        row, own, mass = self.states[-1].copy(), self._integrator.prescribed, self._integrator.mass
+        q, v = np.split(row[self._head :], 2)
+        jump = np.zeros_like(v)
+        jump[own] = self._prescribe(time, slopes)[1]
+        push = -(mass @ jump)
+        free = diags((~own).astype(np.float64))
+        alone = (free @ mass @ free + diags(own.astype(float))).tocsr()
+        push[own] = 0.0
+        jump += spsolve(alone, push)
+        v = v + jump
+        kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
+        gained = kinetic + strain - row[2] - row[3]
+        row[5] += gained
+        row[8] += gained
+        row[1:4] = FIRST * self.max_step, kinetic, strain
+        self._append(np.concatenate([row[: self._head], q, v]))
 
 
 def _longer_vectors(first: Floats, second: Floats) -> Floats:
@@ -569,6 +835,8 @@ def _damping_from_ratios(
     resisted = Damping(ratio=damping.ratio).mass_damping(np.maximum(values, 0.0))
     beta = damping.beta + float((resisted[swing] / values[swing]).min())
     fields = cage.model.pencil.reduce_displacements(cage.shapes.T)
+    # Coordinates of moving grips, which follow those of the modes, do not vibrate.
+    fields = np.pad(fields, ((0, len(system.inertia) - len(fields)), (0, 0)))
     mine = np.zeros((len(values), len(values)))
     for part in (
         state for state in system.evaluate(system.start) if isinstance(state, StrainState)
@@ -587,7 +855,7 @@ def _damping_from_ratios(
     return beta, mass @ (fields @ turn[:, kept]) * sizes
 
 
-def _check_supported(cage: CageModes, loads: Sequence[LoadVector]) -> None:
+def _check_supported(cage: CageModes, loads: Sequence[LoadVector], grips: Sequence[Grip]) -> None:
     if any(load.function.steady for load in loads):
         raise InputError(
             "time stepping does not support steady loads, because they have no start",
@@ -600,9 +868,10 @@ def _check_supported(cage: CageModes, loads: Sequence[LoadVector]) -> None:
             key="rigid",
             cure="Fix the place, leave out modal.rigid, or use [response].",
         )
-    if obstacles_of(cage.model) and any(load.moves_base is not None for load in loads):
+    moving = obstacles_of(cage.model) or any(grip.motion is not None for grip in grips)
+    if moving and any(load.moves_base is not None for load in loads):
         raise InputError(
-            "time stepping does not support a moving base with obstacles",
+            "time stepping does not support a moving base with obstacles or moving grips",
             key="base_displacement",
-            cure="Move the obstacles instead, or use base_acceleration.",
+            cure="Move the obstacles or grips instead, or use base_acceleration.",
         )

@@ -52,21 +52,23 @@ from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.weave.cloth import Cloth
 
-#: Knots of beta(a). Its curvature counts where yarns pull strongly, and it has small corners; so it
-#: has fewer knots than the energy.
+#: Knots of beta(a), which is smooth but for corners at jams and where a yarn is straight.
 _LINE = GradedKnots(0.8, 0.05, 0.08)
-#: Knots of the energy along a and b.
-_ALONG = GradedKnots(0.8, 0.01, 0.08)
-_ACROSS = GradedKnots(0.8, 2e-4, 0.08)
-#: Knots by which the line of taut yarns is moved into the taut side, so that the sheet has no
-#: stress at rest.
-_TOE = 2.0
+#: Knots of the energy along a and b. Cloth under its own weight is strained by some 1e-5.
+_ALONG = GradedKnots(0.8, 1e-5, 0.2)
+_ACROSS = GradedKnots(0.8, 3e-7, 0.2)
 #: Bisection steps that find the line of taut yarns.
 _BISECTIONS = 40
 #: Overlap beyond a jam at which its stiffness is complete.
 _JAM_TOE = 0.02
 #: Overlap of neighbours beyond which their stiffness grows no more, as a share of their width.
 _FIRM = 0.1
+
+#: Number of kinds of crossings that are distinguished.
+_KINDS = 12
+#: Tables of the last cloths, and their number.
+_recent: dict[str, tuple[Floats, Floats]] = {}
+_KEPT = 4
 
 
 class Locking(NamedTuple):
@@ -180,9 +182,16 @@ def cloth_law(cloth: Cloth, yarns: YarnMechanics) -> YarnLaw:
     350.0
     """
     plate = cloth_stiffness(cloth, yarns)
-    crossings = Interchange(cloth, yarns)
     taut = float(np.diag(plate.membrane)[:2].max())
-    table = tabulate_tension(crossings, taut)
+    crossings = Interchange(cloth, yarns).with_fewer_kinds(_KINDS)
+    if crossings.digest not in _recent:
+        line = _LINE.interpolate(
+            _taut_line(Interchange(cloth).with_fewer_kinds(_KINDS), _LINE.places)
+        )
+        if len(_recent) == _KEPT:
+            _recent.pop(next(iter(_recent)))
+        _recent[crossings.digest] = _tabulate_energy(crossings, line, taut), line
+    energy, line = _recent[crossings.digest]
     area = cloth.families[0].spacing * cloth.families[1].spacing
     locking = []
     for number, family in enumerate(cloth.families):
@@ -190,7 +199,7 @@ def cloth_law(cloth: Cloth, yarns: YarnMechanics) -> YarnLaw:
         length = float(family.crossed * (1.0 + family.crimp.crimp))
         width = min(family.width, family.spacing)
         locking.append(Locking(width, family.spacing, stiffness * length / area))
-    return YarnLaw(*table, plate.membrane[2:, 2], np.array(locking))
+    return YarnLaw(energy, line, plate.membrane[2:, 2], np.array(locking))
 
 
 class TensionTable:
@@ -233,16 +242,15 @@ class TensionTable:
         return value, force, curve
 
 
-def tabulate_tension(crossings: Interchange, taut: float) -> tuple[Floats, Floats]:
-    """Compute the coefficients of a `TensionTable`; `taut` is the stiffness of jams [N/m]."""
-    line = _taut_line(crossings, _LINE.places)
+def _tabulate_energy(crossings: Interchange, line: Floats, taut: float) -> Floats:
+    """Compute the coefficients of the energy; `taut` is the stiffness of jams [N/m]."""
     a = _ALONG.places
     k, z = _LINE.find_cells(a)
     along = _cubic(_LINE.cubics(line).take(k, axis=1), z)[0][:, None]
-    along = along + _ACROSS.places - _TOE * _ACROSS.step
+    along = along + _ACROSS.places
     stretch = 1.0 + np.stack([along + a[:, None], along - a[:, None]])
-    energy = _energy_beyond_jams(crossings, stretch.reshape(2, -1), taut)
-    return energy.reshape(along.shape), line
+    energy = _energy_beyond_jams(crossings, stretch.reshape(2, -1), taut).reshape(along.shape)
+    return _ACROSS.coefficients(_ALONG.coefficients(energy), axis=1)
 
 
 def _cubic(powers: Floats | list[Floats], x: Floats) -> tuple[Floats, Floats, Floats]:

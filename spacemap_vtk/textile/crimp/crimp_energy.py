@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw
 from spacemap_vtk.textile.weave.peirce import jam_height, solve_gaps
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
@@ -65,7 +66,8 @@ class CrimpEnergy(NamedTuple):
     """Coefficients of the energy of crossings."""
 
     # The energy is 1/2 tension (l - length)**2 for each yarn whose axis is longer than the yarn,
-    # 1/2 contact (D - full)**2, and hinge (theta - rest)**2 / D for each yarn.
+    # contact full**2 u(D / full), and hinge (theta - rest)**2 / D for each yarn. Without a law of
+    # the contact, u is (D / full - 1)**2 / 2.
 
     tension: Floats
     """(2, n) EA over the yarn's length, in N/m."""
@@ -79,21 +81,31 @@ class CrimpEnergy(NamedTuple):
     """(n,) D at rest."""
     arcs: Floats
     """(2, n) Sum of the radii of a gap's arcs over D."""
+    law: ContactLaw = ContactLaw()
+    """Function u of the contact."""
+
+    def push(self, distance: Floats) -> tuple[Floats, Floats, Floats]:
+        """Compute the energy of the contact, and its two derivatives by D."""
+        if type(self.law) is ContactLaw:
+            squash = distance - self.full
+            push = self.contact * squash
+            return 0.5 * push * squash, push, self.contact
+        value, slope, bend = self.law.evaluate(distance / self.full)
+        force = self.contact * self.full
+        return force * self.full * value, force * slope, self.contact * bend
 
     def without_pull(
         self, theta: Floats, distance: Floats
     ) -> tuple[Floats, Floats, Floats, Floats | float]:
         """Compute energy without the yarns' pull, two derivatives by D, and the first by theta."""
-        squash = distance - self.full
-        push = self.contact * squash
-        value = 0.5 * push * squash
+        value, push, stiff = self.push(distance)
         if not self.hinge.any():
-            return value, push, self.contact, 0.0
+            return value, push, stiff, 0.0
         bent = theta - self.rest
         moment = 2.0 * self.hinge / distance * bent
         work = moment * bent
         fade = 0.5 * (work[0] + work[1]) / distance
-        contact = self.contact + 2.0 * fade / distance
+        contact = stiff + 2.0 * fade / distance
         return value + fade * distance, push - fade, contact, moment
 
 

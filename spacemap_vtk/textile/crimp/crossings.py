@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Bools, Floats
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw
 from spacemap_vtk.textile.crimp.crimp_energy import CrimpEnergy
 from spacemap_vtk.textile.drafts.drawdown import repeat_size
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -81,12 +82,13 @@ class Crossings(NamedTuple):
         jammed = stretch < jam
         return np.where(jammed, jam, stretch), np.where(jammed, needed, height)
 
-    def energy(self, hinged: bool) -> CrimpEnergy:
+    def energy(self, hinged: bool, law: ContactLaw) -> CrimpEnergy:
         """Build the energy of the crossings, with or without bending."""
         hinge = self.hinge if hinged else np.zeros_like(self.hinge)
         tension = np.where(self.is_straight, 0.0, self.tension)
         contact = np.maximum(self.contact, _LEAST_CONTACT * tension.max(axis=0))
-        return CrimpEnergy(tension, contact, hinge, self.theta, self.rest_distance, self.arcs)
+        at_rest = self.theta, self.rest_distance, self.arcs
+        return CrimpEnergy(tension, contact, hinge, *at_rest, law)
 
     def bending_energy(self) -> CrimpEnergy:
         """Build the energy of bending alone, which decides where yarns are slack."""

@@ -28,6 +28,7 @@ Kandil, "The Initial Load-extension Behaviour of Plain-woven Fabrics", J. Textil
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from math import inf, pi, sqrt
 from typing import Any, NamedTuple
@@ -37,7 +38,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from spacemap_vtk import cancel
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw
 from spacemap_vtk.textile.crimp.crimp_energy import (
     CrimpEnergy,
     angle_derivatives,
@@ -71,6 +74,10 @@ class YarnMechanics(NamedTuple):
     """Bending stiffness B of warp and weft, in N m2."""
     flattest: float = 0.6 / CLOSEST
     """Least D over D at rest: packing over `CLOSEST`; 1 for hard contact."""
+    law: ContactLaw = ContactLaw()
+    """How the force of a crossing grows as it is flattened; `contact` is its factor k."""
+    rigid_arcs: bool = False
+    """Whether the arcs of yarns around each other do not bend with the cloth."""
 
 
 class CrimpState(NamedTuple):
@@ -163,10 +170,12 @@ class Interchange:
         tension = _check_tension(yarns, self.shape)
         self._stretches = bool(np.isfinite(tension).all())
         self._hinged = any(yarns.bending)
-        self._contact = yarns.contact
+        self._contact, self._law = yarns.contact, yarns.law
         #: (picks, ends) Area of cloth at rest that belongs to each crossing, in m2.
         self.cell: Floats
-        self._crossings, self.cell = build_crossings(cloth, tension, *yarns[1:])
+        self._crossings, self.cell = build_crossings(
+            cloth, tension, yarns.contact, yarns.bending, yarns.flattest
+        )
         same = all((field == field[..., :1]).all() for field in self._crossings)
         loose = self._crossings.is_straight.reshape(2, *self.shape)
         self._correction = None if same else LengthCorrection(cloth, loose)
@@ -253,7 +262,7 @@ class Interchange:
         force = np.zeros_like(reached)
         if self._stretches:
             along = cells.gap_spacing, cells.floats
-            energy, heights = cells.energy(self._hinged), np.stack([h, d - h])
+            energy, heights = cells.energy(self._hinged, self._law), np.stack([h, d - h])
             force = yarn_forces(energy, room, length, heights, d, along)
             force += np.where(cells.is_straight, cells.tension * strain * cells.spacing**2, 0.0)
         weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
@@ -288,7 +297,7 @@ class Interchange:
             cells = select_crossings(self._crossings, np.full(stretches.shape[1], kind))
             reached, h, d = self._solve_heights(cells, stretches)
             room, length = cells.room_and_length(reached)
-            energy = cells.energy(self._hinged)
+            energy = cells.energy(self._hinged, self._law)
             gap = solve_gaps(room, np.stack([h, d - h]), cells.arcs * d)
             over = np.maximum(gap.length - length, 0.0)
             value = (0.5 * energy.tension * over**2).sum(axis=0)
@@ -328,6 +337,28 @@ class Interchange:
         warp, weft = stretch.min(axis=1)
         return float(warp), float(weft)
 
+    @cached_property
+    def digest(self) -> str:
+        """Digest of what `energy` depends on."""
+        first, back = self._kinds
+        cells = select_crossings(self._crossings, first)
+        flags = self._stretches, self._hinged, self._contact, type(self._law).__name__
+        return digest_of(*cells, np.bincount(back), self.cell.sum(), *flags, self._law.numbers)
+
+    def with_fewer_kinds(self, most: int) -> Interchange:
+        """Let crossings that are alike count as equal, if there are more than `most` kinds."""
+        first, back = self._kinds
+        if len(first) <= most:
+            return self
+        counts = np.bincount(back)
+        place = (np.cumsum(counts) - 0.5 * counts) / counts.sum() * most
+        _, start, group = np.unique(place.astype(np.int64), return_index=True, return_inverse=True)
+        middle = (start + np.append(start[1:], len(first))) // 2
+        result = copy(self)
+        result.__dict__.pop("digest", None)
+        result.__dict__["_kinds"] = first[middle], group.ravel()[back]
+        return result
+
     @property
     def kind_count(self) -> int:
         """Number of different crossings."""
@@ -342,12 +373,13 @@ class Interchange:
         over = np.where(cells.is_straight, cells.spacing * (reached - 1.0), gap.length - length)
         axis = cells.spacing + cells.floats
         crimp = (gap.length + cells.flat + cells.floats * reached) / (axis * reached) - 1.0
-        contact = 2.0 * cells.contact * (cells.rest_distance - d)
+        share = self._law.evaluate(d / cells.rest_distance)[1]
+        contact = -2.0 * cells.contact * cells.rest_distance * share
         # At the least D the contact force exceeds what k_D gives: it follows from equilibrium.
         at = np.flatnonzero(d <= cells.least_distance)
         if self._stretches and len(at):
             free = select_crossings(
-                cells.energy(self._hinged)._replace(contact=np.zeros_like(d)), at
+                cells.energy(self._hinged, self._law)._replace(contact=np.zeros_like(d)), at
             )
             arguments = (one.take(at, axis=-1) for one in (room, length, heights, d))
             contact[at] = 2.0 * np.maximum(angle_derivatives(free, *arguments).press(), 0.0)
@@ -407,7 +439,10 @@ class Interchange:
                 cure="Give a tension, for example the modulus times the area of the section",
             )
         reached, h, d = self._solve_heights(cells, stretch)
-        energy, (room, length) = cells.energy(self._hinged), cells.room_and_length(reached)
+        energy, (room, length) = (
+            cells.energy(self._hinged, self._law),
+            cells.room_and_length(reached),
+        )
         along, bounds = (
             (cells.gap_spacing, cells.floats),
             (cells.least_distance, cells.rest_distance),
@@ -443,7 +478,9 @@ class Interchange:
             d = np.clip(full - give, floor, full)
             h = np.where(slack, h, most[0] + share[0] * give)
         if self._stretches and self._hinged:
-            return reached, *minimise_energy(cells.energy(True), room, length, h, d, floor, full)
+            return reached, *minimise_energy(
+                cells.energy(True, self._law), room, length, h, d, floor, full
+            )
 
         def settle_heights(which: Floats, energy: CrimpEnergy, low: Floats, high: Floats) -> None:
             chosen = np.flatnonzero(which)
@@ -463,9 +500,9 @@ class Interchange:
             both = heights[0] + heights[1]
             d[flat] = np.clip(both, floor[flat], full[flat])
             h[flat] = heights[0] * d[flat] / both
-            settle_heights(pulled & (d <= floor), cells.energy(False), floor, floor)
+            settle_heights(pulled & (d <= floor), cells.energy(False, self._law), floor, floor)
         else:
-            settle_heights(pulled, cells.energy(False), floor, full)
+            settle_heights(pulled, cells.energy(False, self._law), floor, full)
         return reached, h, d
 
 

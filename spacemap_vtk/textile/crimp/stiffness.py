@@ -6,7 +6,10 @@ and D free. For the rest, a yarn is a rod along its whole length l with one rigi
 axis, including torsion, like a bundle of fibres that slide on each other:
 
 - Bending: a moment M turns a yarn by M l / B over the spacings P that it crosses. So yarns p apart
-  resist with B P / (p l). Friction at crossings, which adds to that, is neglected.
+  resist with B P / (p l). Friction at crossings, which adds to that, is neglected. It can at most
+  hold the arcs of a yarn around those that it crosses, so that only the straight rest bends: B P /
+  (p (l - sum of D theta)). The two are bounds (`bending_bounds`); `YarnMechanics.rigid_arcs`
+  chooses the upper one.
 - Twist: such a rod turns equally about any axis. So D66 is a quarter of the sum of both families'
   B P / (p l), and a square cloth bends equally in all directions.
 - Shear: between two crossings that grip it, a yarn is a beam whose ends keep their directions. A
@@ -40,6 +43,9 @@ from spacemap_vtk.textile.crimp.interchange import Interchange, YarnMechanics
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.peirce import solve
+
+#: Least straight share of a yarn; with less, it is jammed up to rounding.
+_JAMMED = 1e-6
 
 
 def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
@@ -110,7 +116,8 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     lean = pressed = 0.0
     for k, family in enumerate(cloth.families):
         rods = _mean_yarn(cloth, k)
-        bending[1 - k] = rods.bending * yarns.bending[k] / family.spacing
+        bent = _require_straight(rods.rigid, k) if yarns.rigid_arcs else rods.bending
+        bending[1 - k] = bent * yarns.bending[k] / family.spacing
         lean += family.spacing / (rods.shear * yarns.bending[k])
         pressed += rods.pressure * yarns.bending[k] / 2.0
     if not pressed > 0.0:
@@ -126,11 +133,64 @@ def cloth_stiffness(cloth: Cloth, yarns: YarnMechanics) -> Plate:
     return Plate(membrane, np.diag(bending))
 
 
+class BendingBounds(NamedTuple):
+    """Bounds of a cloth's bending rigidity along warp and weft [N m]."""
+
+    free: tuple[float, float]
+    """Yarns bend along their whole length."""
+    rigid: tuple[float, float]
+    """The arcs around crossed yarns do not bend; infinite for yarns without a straight part."""
+
+
+def bending_bounds(cloth: Cloth, yarns: YarnMechanics) -> BendingBounds:
+    """Compute the bounds of a cloth's bending rigidity without friction and with sticking arcs.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        At rest.
+    yarns : YarnMechanics
+        B [N m²] of its yarns.
+
+    Returns
+    -------
+    BendingBounds
+        The rigidity of cloth whose yarns are not set lies between them.
+
+    Examples
+    --------
+    >>> from spacemap_vtk.textile.weave.threads import Threads
+    >>> threads = Threads(diameter=0.25e-3, spacing=0.5e-3)
+    >>> cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads)
+    >>> found = bending_bounds(cloth, YarnMechanics(bending=(2e-9, 2e-9)))
+    >>> round(found.free[0] * 1e6, 2), round(found.rigid[0] * 1e6, 2)
+    (3.5, 8.0)
+    """
+    free, rigid = np.empty(2), np.empty(2)
+    for k, family in enumerate(cloth.families):
+        rods = _mean_yarn(cloth, k)
+        free[k], rigid[k] = np.array([rods.bending, rods.rigid]) * yarns.bending[k] / family.spacing
+    return BendingBounds((float(free[0]), float(free[1])), (float(rigid[0]), float(rigid[1])))
+
+
+def _require_straight(rigid: float, number: int) -> float:
+    if isfinite(rigid):
+        return rigid
+    raise InputError(
+        f"the {('warp', 'weft')[number]} has no straight part between its arcs, which are rigid",
+        key="bending_arcs",
+        value="rigid",
+        cure='Set bending_arcs = "free", or give bending_rigidity in [modal]',
+    )
+
+
 class _MeanYarn(NamedTuple):
     """Stiffness of a family's mean yarn for a bending rigidity B of 1."""
 
     bending: float
     """Contribution to the bending stiffness of the cloth."""
+    rigid: float
+    """The same if arcs do not bend; infinite without straight parts."""
     shear: float
     """Shear stiffness as beams between crossings that grip it [1/m²]."""
     pressure: float
@@ -152,14 +212,15 @@ def _mean_yarn(cloth: Cloth, number: int) -> _MeanYarn:
     flat = crossed.flat[:width]
     across = float(spacing.sum())
     flats = 0.5 * (flat + np.roll(flat, -1))
-    bending = sheared = pressure = 0.0
+    bending = rigid = sheared = pressure = 0.0
     for some in cloth.yarn_blocks(number, count):
         upper = cloth.is_over(number, some)[:, :width]
         arc, height, _ = cloth.crossing_profile(number, some)
         arc, height = arc[:, :width], height[:, :width]
         rise = np.abs(np.roll(height, -1, axis=1) - height)
         arcs = arc + np.roll(arc, -1, axis=1)
-        length = solve(spacing - flats, rise, arcs).length + flats
+        gap = solve(spacing - flats, rise, arcs)
+        length = gap.length + flats
         changes = upper != np.roll(upper, -1, axis=1)
         # A crossing within a float does not grip, so one beam lies between two that do. Gaps before
         # the first gripping crossing belong to the last beam.
@@ -170,7 +231,10 @@ def _mean_yarn(cloth: Cloth, number: int) -> _MeanYarn:
         beams = np.bincount(beam.ravel(), length.ravel(), len(beam) * (width + 1))
         cubes = (beams.reshape(len(beam), -1) ** 3).sum(axis=1)
         bending += float((across / length.sum(axis=1)).sum())
+        straight = (length - arcs * gap.theta).sum(axis=1)
+        jammed = straight <= _JAMMED * length.sum(axis=1)
+        rigid += float(np.where(jammed, np.inf, across / np.where(jammed, 1.0, straight)).sum())
         sheared += float((12.0 * across / cubes).sum())
         # Each change of side presses the crossings at both of its ends.
         pressure += float((2.0 * changes * 12.0 * rise / length**3).mean(axis=1).sum())
-    return _MeanYarn(bending / count, sheared / count, pressure / count)
+    return _MeanYarn(bending / count, rigid / count, sheared / count, pressure / count)

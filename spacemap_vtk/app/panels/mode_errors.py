@@ -1,0 +1,37 @@
+"""Errors of the frequencies in the modes tab, estimated in the background on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+from spacemap_vtk.scenes.report import report_modes
+from spacemap_vtk.scenes.scene import Scene
+
+
+@dataclass(frozen=True)
+class ModeErrors:
+    """Errors of all frequencies of a scene."""
+
+    #: Frequencies in Hz, by which the modes are recognised.
+    frequencies: list[float]
+    #: Their errors in Hz; None if unknown.
+    errors: list[float | None]
+    #: Sentence about figures that are not converged, or about why there are no errors.
+    note: str
+
+
+def compute_errors(scene: Scene) -> Generator[float | None, None, ModeErrors]:
+    """Solve a scene again in wider cells, and return the errors of its frequencies."""
+    yield None
+    figures = report_modes(scene, True)
+    frequencies = [mode["frequency_hz"] for mode in figures["modes"]]
+    errors = [
+        None if mode["error"] is None else mode["error"] * mode["frequency_hz"]
+        for mode in figures["modes"]
+    ]
+    missing = figures["errors_missing"]
+    note = f"No errors: {missing}." if missing else ""
+    if not missing and figures["unconverged"]:
+        note = f"{figures['unconverged'][0].upper()}{figures['unconverged'][1:]}."
+    return ModeErrors(frequencies, errors, note)
