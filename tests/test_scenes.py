@@ -316,6 +316,7 @@ SHORTER = {
 #: Scenes whose stages other tests run on less. Of these the gate makes the cloth and the cage only.
 LONG = {
     "garter",
+    "handweaving",
     "rib_1x1",
     "rib_2x2",
     "seed_stitch",
@@ -339,7 +340,7 @@ LONG = {
 
 
 #: Of these, scenes without a cage, or whose cage takes long to make.
-NO_CAGE = {"garter", "lever_in_tetwild_cage", "rib_1x1", "rib_2x2", "seed_stitch"}
+NO_CAGE = {"garter", "handweaving", "lever_in_tetwild_cage", "rib_1x1", "rib_2x2", "seed_stitch"}
 
 
 def scenes() -> list[Any]:

@@ -116,6 +116,7 @@ def test_copied_command_names_the_draft_file(open_scene: Any) -> None:
     assert 'weave.thick_yarns="scale"' in line
 
 
+@pytest.mark.nightly
 def test_figures_equal_those_of_the_command_line_and_follow_the_cloth(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.figures)

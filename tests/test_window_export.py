@@ -163,6 +163,7 @@ def test_dark_window_exports_its_background_and_wireframe(open_scene: Any, tmp_p
     assert shares[1] < 0.6 * shares[2]
 
 
+@pytest.mark.nightly
 def test_export_dialog_applies_presets_and_remembers_the_size(
     open_scene: Any, tmp_path: Path
 ) -> None:
