@@ -35,6 +35,7 @@ READ = {
     "motion": "`series.MeshSeries`",
     "table": "times and factors",
     "column": "numbers",
+    "yarns": "`textile.rods.curves.CurveSet`",
 }
 #: Reasons why a path cannot be read as a file.
 NO_SUCH_FILE = "no such file"

@@ -24,7 +24,9 @@ from spacemap_vtk.textile.geometry.strand_curves import (
     build_strand_curves,
     fibre_count,
 )
+from spacemap_vtk.textile.geometry.sweep import Tubes
 from spacemap_vtk.textile.geometry.weave import Weave, build_weave
+from spacemap_vtk.textile.rods.tubes import find_tubes, round_widths
 
 #: Largest error of a number, as a share of its scale: a step between two colours.
 _STEP = 1 / 512
@@ -50,7 +52,11 @@ class YarnRecorder:
     def __init__(self, scene: Scene, times: int, strands: str = "yarns") -> None:
         self._scene, self._strands, self._times = scene, strands, times
         self._weave: Weave | None = None
-        if scene.woven is not None:
+        self._rods: Tubes | None = None
+        if scene.woven is None:
+            if strands == "yarns" and scene.textile is not None:
+                self._rods = find_tubes(vtk_to_numpy(scene.patches.GetCellData().GetArray("yarn")))
+        else:
             self._cloth = scene.woven.cloth
             weave = build_weave(self._cloth, kind=np.float32)
             # The patches of a part of a weave have other points, and are not supported.
@@ -61,9 +67,11 @@ class YarnRecorder:
 
     def record(self, number: int) -> None:
         """Record the curves of the scene's last update as those of time `number`."""
-        if self._weave is None:
+        if self._rods is not None:
+            points = self._rods.ring_centres(points_of(self._scene.data("patches")))
+        elif self._weave is None:
             return
-        if self._strands == "yarns":
+        elif self._strands == "yarns":
             controls = points_of(self._scene.data("patches"))
             points = np.concatenate([tubes.ring_centres(controls) for tubes in self._weave.tubes])
         else:
@@ -98,6 +106,9 @@ class YarnRecorder:
     @property
     def curves(self) -> YarnCurves | None:
         """The recorded curves; None if there are no yarns."""
+        if self._rods is not None:
+            widths = round_widths(self._rods, points_of(self._scene.patches))
+            return YarnCurves(self._points, 3 * self._rods.parts + 1, widths, self.colors)
         if self._weave is None:
             return None
         if (curves := self._curves) is not None:

@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import AnyInts, Floats
 from spacemap_vtk.textile.geometry.section import build_section
-from spacemap_vtk.textile.geometry.sweep import CentreLines, SweptTubes, sweep
+from spacemap_vtk.textile.geometry.sweep import CentreLines, SweptTubes, Tubes, sweep
 from spacemap_vtk.textile.rods.yarns import basis_functions
 
 #: Parts of each span: shorter parts miss the radius by less where a yarn bends sharply.
 PARTS = 2
 
 
-def sweep_yarns(points: Sequence[Floats], diameters: Floats) -> SweptTubes:
-    """Sweep round yarns along uniform cubic B-splines.
+def sweep_yarns(
+    points: Sequence[Floats], diameters: Floats, aspects: Floats | None = None
+) -> SweptTubes:
+    """Sweep yarns along uniform cubic B-splines.
 
     Parameters
     ----------
     points : sequence of ndarray of float64, shape (n, 3)
         Control points of each yarn [m]; it reaches from the second to the last but one.
     diameters : ndarray of float64, shape (Y,)
-        Diameters [m].
+        Diameters, or heights of flat sections [m].
+    aspects : ndarray of float64, shape (Y,), optional
+        Width of each elliptic section over its height, in ascending order; by default 1.
 
     Returns
     -------
@@ -34,8 +40,28 @@ def sweep_yarns(points: Sequence[Floats], diameters: Floats) -> SweptTubes:
     -----
     Frames that do not twist: W. Wang, B. Jüttler, D. Zheng, Y. Liu, ACM Trans. Graph. 27 (2008) 2.
     """
-    lines, shape = spline_lines(points, diameters), build_section("circular", 1.0, False)
-    return sweep([(lines, shape)], caps=True, exact=False)
+    shares = np.ones(len(points)) if aspects is None else aspects
+    kinds, begins = np.unique(shares, return_index=True)
+    bundles = []
+    for aspect, begin, end in zip(kinds, begins, [*begins[1:], len(points)], strict=True):
+        lines = spline_lines(points[begin:end], diameters[begin:end])
+        lines = lines._replace(numbers=lines.numbers + begin)
+        bundles.append((lines, build_section("circular", float(aspect), False)))
+    return sweep(bundles, caps=True, exact=False)
+
+
+def find_tubes(line: AnyInts) -> Tubes:
+    """Find tubes of round or elliptic yarns, with caps, among patches by their numbers of lines."""
+    own, ends = 4, 4  # patches around a part, and of the two caps of a line
+    parts = (np.bincount(line) - ends) // own
+    return Tubes(0, build_section("circular", 1.0, False).size, parts, 1.0)
+
+
+def round_widths(tubes: Tubes, points: NDArray[Any]) -> Floats:
+    """Compute the diameter of a round yarn with the area of each line's first section, (lines,)."""
+    first = points[tubes.first + tubes.ring * tubes.ends[::2, None] + np.array([0, 3, 6, 9])]
+    height, width = (np.linalg.norm(first[:, k] - first[:, k + 2], axis=1) for k in (0, 1))
+    return np.sqrt(height * width, dtype=np.float64)
 
 
 def spline_lines(
