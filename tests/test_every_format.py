@@ -49,7 +49,7 @@ VALUES: dict[str, Any] = {
     "animation": {"stop": 0.08},
 }
 #: Formats that cannot store a record.
-WITHOUT_RECORD = {".stl", ".dtx", ".txt"}
+WITHOUT_RECORD = {".bcc", ".stl", ".dtx", ".txt"}
 #: Formats that are repeated in this test; the others store the same record.
 REPEATED = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".svg"}
 #: Kind of job for each kind of drawn output.
@@ -128,6 +128,23 @@ def collection_points(file: Path) -> Any:
     return reader.read()[0].points
 
 
+def collected_points(file: Path) -> Any:
+    """Return the points of a collection of open curves, by its description."""
+    data = np.fromfile(file, "<f4", offset=64)
+    counts, place, found = np.fromfile(file, "<i4", offset=64), 0, []
+    while place < len(data):
+        end = place + 1 + 3 * int(counts[place])
+        found.append(data[place + 1 : end].reshape(-1, 3))
+        place = end
+    return np.concatenate(found)
+
+
+def texgen_points(file: Path) -> Any:
+    """Return the points of a textile of TexGen in metres."""
+    nodes = ElementTree.parse(file).iter("MasterNode")
+    return np.array([node.attrib["Position"].split(",") for node in nodes], float) * 1e-3
+
+
 def page_points(file: Path) -> Any:
     """Return the points of a web page; test_html.py opens it in a browser."""
     text = file.read_text("utf-8")
@@ -179,6 +196,8 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     },
     ("", ".inp"): lambda file: meshio.read(file, "abaqus").points,
     ("", ".csv"): lambda file: np.loadtxt(file, delimiter=",", skiprows=1)[:, 2:5],
+    ("", ".bcc"): collected_points,
+    ("", ".tg3"): texgen_points,
     ("", ".glb"): lambda file: pv.read(file).combine().points,
     ("", ".html"): page_points,
     ("", ".pvd"): collection_points,
@@ -218,7 +237,7 @@ def check_content(kind: str, job: Job, file: Path) -> None:
     elif job.kind == "print":
         width, height = map(float, found.split()[2:])
         assert (25.4 * width / 72, 25.4 * height / 72) == pytest.approx((210, 297))
-    elif file.suffix == ".csv":  # inside the yarns
+    elif file.suffix in (".csv", ".bcc", ".tg3"):  # inside the yarns
         outer = np.reshape(expected_content(kind, job), (3, 2))
         assert (found >= outer[:, 0] - 1e-9).all()
         assert (found <= outer[:, 1] + 1e-9).all()

@@ -9,6 +9,7 @@ import numpy as np
 
 from spacemap_vtk import cache
 from spacemap_vtk.errors import GeometryError, InputError, add_key_to_errors
+from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -20,7 +21,7 @@ from spacemap_vtk.textile.rods.curves import (
     relax_curves,
     repeat_yarns,
 )
-from spacemap_vtk.textile.rods.yarns import Yarn
+from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 #: Length of 1 in a file that names no unit [m].
 UNIT = 1e-3
@@ -77,37 +78,11 @@ def make_file_yarns(
     keep_cell: bool = False,
     progress: Progress | None = None,
 ) -> FileYarns:
-    """Read yarns, and lay splines through their points or relax them.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    unit : float, optional
-        Length of 1 in the file [m]; by default that of the format, else 1 mm.
-    diameter : float, optional
-        Diameter of all yarns [m], in place of those in the file.
-    period : tuple of float, optional
-        Length of the cell along x and y [m], for files without one; 0: none.
-    relax : bool, optional
-        Whether yarns come to rest.
-    keep_cell : bool, optional
-        Whether the cell keeps its size meanwhile.
-    progress : callable, optional
-        Called with the share that is done.
-
-    Returns
-    -------
-    FileYarns
-        Yarns of a cell, in metres.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, too large, without yarns, or without diameters.
-    SolverError
-        If the yarns do not come to rest.
-    """
+    """Read yarns of a file, and lay splines through their points or relax them."""
+    # `unit` is the length of 1 in the file, `diameter` replaces those in the file, and `period` is
+    # the size of a cell along x and y where the file has none; all in m. `keep_cell` keeps the size
+    # of the cell while yarns relax. Raises InputError if the file is damaged, too large, or without
+    # yarns or diameters, and SolverError if the yarns do not come to rest.
     given, notes = read_yarn_file(path, unit)
     if period is not None and any(period):
         given = _with_cell(given, period)
@@ -189,9 +164,51 @@ def _relaxed(
     return yarns, found["cell"], float(found["deviation"][0])
 
 
-def lines_of_piece(made: FileYarns, repeats: tuple[int, int]) -> tuple[list[Floats], list[int]]:
-    """Return the control points of all lines of a piece about its middle, and their yarns."""
+class Piece(NamedTuple):
+    """Lines of a piece of some cells."""
+
+    lines: list[Floats]
+    """Control points of each line about the middle of the piece [m]."""
+    yarns: list[int]
+    """Yarn of the cell that each line is."""
+
+
+def piece_of(made: FileYarns, repeats: tuple[int, int]) -> Piece:
+    """Repeat the yarns of a cell; lines of flatter sections come last."""
     lines = repeat_yarns(made.yarns, made.cell, repeats)
-    ends = np.array([[line.min(axis=0), line.max(axis=0)] for _, line in lines])
-    middle = (ends[:, 0].min(axis=0) + ends[:, 1].max(axis=0)) / 2
-    return [line - middle for _, line in lines], [number for number, _ in lines]
+    lines.sort(key=lambda line: float(made.aspects[line[0]]))
+    low = np.min([line[1:-1].min(axis=0) for _, line in lines], axis=0)
+    high = np.max([line[1:-1].max(axis=0) for _, line in lines], axis=0)
+    return Piece([line - (low + high) / 2 for _, line in lines], [number for number, _ in lines])
+
+
+def file_figures(made: FileYarns, density: float) -> list[FabricFigure]:
+    """List lengths, cell, thickness and mass; `density` is that of yarns [kg/m3]."""
+    samples, z = sample_yarns(made.yarns), unknowns(made.yarns, made.cell)
+    speed = np.linalg.norm((samples.slope @ z.ravel()).reshape(-1, 3), axis=1)
+    lengths = np.bincount(samples.yarn, speed * samples.weight)
+    half = samples.diameter[samples.yarn] / 2
+    height = samples.places(z)[:, 2]
+    found = [
+        FabricFigure("yarn_length", "yarn length in a cell", float(lengths.sum()), "m"),
+        FabricFigure(
+            "thickness", "thickness", float((height + half).max() - (height - half).min()), "m"
+        ),
+        FabricFigure("largest_overlap", "largest overlap over the diameter", made.overlap),
+        FabricFigure("deviation", "distance of splines from the file", made.deviation, "m"),
+    ]
+    area = float(np.linalg.norm(np.cross(*made.cell)))
+    if area > 0.0:
+        sections = np.pi / 4 * samples.diameter**2 * made.aspects
+        names = zip(("cell_x", "cell_y"), ("x", "y"), made.cell, strict=True)
+        found = [
+            *(
+                FabricFigure(key, f"cell along {axis}", float(np.linalg.norm(vector)), "m")
+                for key, axis, vector in names
+            ),
+            *found,
+            FabricFigure(
+                "areal_mass", "mass per area", density * float(lengths @ sections) / area, "kg/m2"
+            ),
+        ]
+    return found

@@ -11,12 +11,30 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk import cache
 from spacemap_vtk.datasets.arrays import add_array, add_number
 from spacemap_vtk.datasets.cloth_data import set_patches
-from spacemap_vtk.filters.base import ProvidedArray, Stage
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.base import ProvidedArray, Stage, modification_time
 from spacemap_vtk.filters.textile import FabricFigure, Textile
+from spacemap_vtk.filters.textile_file import (
+    FileYarns,
+    file_figures,
+    make_file_yarns,
+    piece_of,
+)
+from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools, Floats
-from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Real, Series
+from spacemap_vtk.parameters import (
+    Choice,
+    Color,
+    FilePath,
+    Flag,
+    Integer,
+    Parameter,
+    Real,
+    Series,
+    Vector,
+)
 from spacemap_vtk.textile.rods.knit import (
     POINTS,
     Selvedges,
@@ -32,6 +50,10 @@ from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
 
 #: Length of yarn in a stitch, in diameters, if none is given.
 STITCH = 16.0
+#: Diameter of the yarn of a knit, if none is given [m].
+DIAMETER = 5e-4
+#: Parameters that only one kind has.
+_KNIT, _FILE = {"kind": ("knit",)}, {"kind": ("file",)}
 #: Colour of yarns, if none is given.
 COLOR = (200, 85, 61)
 #: Bytes for each part of a tube, measured and rounded up.
@@ -56,7 +78,7 @@ class Stitches(Parameter[Any]):
 
 
 class TextileSource(Textile, Stage):
-    """Make a knit whose yarns have come to rest, as bicubic Bézier patches.
+    """Make a knit whose yarns have come to rest, or yarns of a file, as bicubic Bézier patches.
 
     Yarns are elastic rods: inextensible, round, without friction, straight if free. Their loops are
     drawn from the stitches and relaxed to the least bending energy, in a repeat whose size follows
@@ -84,17 +106,54 @@ class TextileSource(Textile, Stage):
         "color": ProvidedArray("cell"),
     }
 
-    kind = Choice("knit", "Kind of textile.", ["knit"])
-    rows = Stitches("stockinette", "Stitches of a repeat, seen from the face.")
-    wales = Integer(8, "Number of stitches in a course.", minimum=1, maximum=10_000)
-    courses = Integer(8, "Number of courses.", minimum=1, maximum=10_000)
+    kind = Choice(
+        "knit",
+        "Kind of textile. knit: from stitches; file: yarns that another program made.",
+        ["knit", "file"],
+    )
+    rows = Stitches("stockinette", "Stitches of a repeat, seen from the face.", when=_KNIT)
+    wales = Integer(8, "Number of stitches in a course.", minimum=1, maximum=10_000, when=_KNIT)
+    courses = Integer(8, "Number of courses.", minimum=1, maximum=10_000, when=_KNIT)
+    file = FilePath(
+        None,
+        "File of yarns: .tg3, .bcc, .yarns, .csv, or lines in .vtp.",
+        automatic="no file",
+        when=_FILE,
+    )
+    relax = Flag(False, "Let the yarns of a file come to rest; ends of yarns are held.", when=_FILE)
+    repeats = Vector(
+        (1, 1),
+        "Number of cells of a file that are drawn, along its two periods.",
+        component=Integer(1, "Number of cells.", minimum=1, maximum=10_000),
+        labels="xy",
+        when=_FILE,
+    )
+    period = Vector(
+        None,
+        "Length of the cell along x and y, for files without one; 0: none.",
+        component=Real(0.0, "Length.", unit="m", minimum=0.0, usual_units="mm"),
+        labels="xy",
+        automatic="that of the file",
+        when=_FILE,
+    )
+    keep_cell = Flag(False, "Keep the size of the cell while yarns come to rest.", when=_FILE)
+    unit = Real(
+        None,
+        "Length of 1 in the file.",
+        unit="m",
+        above=0.0,
+        usual_units="mm",
+        automatic="that of the file, else 1 mm",
+        when=_FILE,
+    )
     diameter = Real(
-        "0.5 mm",
+        None,
         "Diameter of the yarn.",
         unit="m",
         above=0.0,
         plausible=(1e-6, 0.05),
         usual_units="mm",
+        automatic="0.5 mm; of a file, its own",
     )
     stitch_length = Real(
         None,
@@ -104,6 +163,7 @@ class TextileSource(Textile, Stage):
         plausible=(1e-5, 1.0),
         usual_units="mm",
         automatic="16 diameters",
+        when=_KNIT,
     )
     fibre_density = Real(
         COTTON, "Density of the fibres; the default is that of cotton.", unit="kg/m3", above=0.0
@@ -112,8 +172,8 @@ class TextileSource(Textile, Stage):
         PACKING, "Share of fibre in a yarn's section; the rest is air.", above=0.0, maximum=1.0
     )
     color = Series(
-        Color(COLOR, "Colour of the courses; a list is repeated over them."),
-        automatic="#c8553d",
+        Color(COLOR, "Colour of the courses or yarns; a list is repeated over them."),
+        automatic="#c8553d; of a file, its own",
     )
 
     edges = Choice(
@@ -122,11 +182,30 @@ class TextileSource(Textile, Stage):
         "selvedges and knits the next course, except where the colour changes. Selvedges take some "
         "seconds to relax, and need 3 wales.",
         ["cut", "turned"],
+        when=_KNIT,
     )
 
     #: What was relaxed last, with its digest: a repeat in diameters, and its selvedges.
     _relaxed: tuple[str, list[Yarn], Floats, float] | None = None
     _selvedges: tuple[str, Selvedges] | None = None
+    _read: tuple[Any, FileYarns] | None = None
+
+    def _of_file(self) -> FileYarns:
+        """Return the yarns of a cell of the file."""
+        if self.file is None:
+            raise InputError(
+                "no file is given", key="file", allowed=registry.describe_readers("yarns")
+            )
+        given = (self.file, self.unit, self.diameter, self.period, self.relax, self.keep_cell)
+        state = *given, modification_time(self.file)
+        if self._read is None or self._read[0] != state:
+            self._read = state, make_file_yarns(*given, progress=self.report_progress)
+        return self._read[1]
+
+    @property
+    def _size(self) -> float:
+        """Diameter of the yarn of a knit [m]."""
+        return DIAMETER if self.diameter is None else self.diameter
 
     def _rest(self) -> tuple[list[Yarn], Floats, float]:
         """Return the relaxed yarns of a repeat, its cell, and the largest overlap; in diameters."""
@@ -146,7 +225,7 @@ class TextileSource(Textile, Stage):
 
     @property
     def _stitch_diameters(self) -> float:
-        return STITCH if self.stitch_length is None else self.stitch_length / self.diameter
+        return STITCH if self.stitch_length is None else self.stitch_length / self._size
 
     def _sides(self) -> Selvedges | None:
         """Return the relaxed selvedges, in diameters; None if the courses are cut."""
@@ -178,8 +257,11 @@ class TextileSource(Textile, Stage):
 
     @property
     def yarn_diameters(self) -> Floats:
-        """Diameter of each yarn [m]."""
-        return np.full(self.courses - int(self._courses()[1].sum()), self.diameter)
+        """Diameter of each yarn, or height of a flat one [m]."""
+        if self.kind == "file":
+            made = self._of_file()
+            return np.array([made.yarns[k].diameter for k in piece_of(made, self.repeats).yarns])
+        return np.full(self.courses - int(self._courses()[1].sum()), self._size)
 
     @property
     def closed(self) -> bool:
@@ -189,19 +271,24 @@ class TextileSource(Textile, Stage):
     @property
     def linear_densities(self) -> Floats:
         """Mass per length of each yarn [kg/m]."""
-        area = section_factor(1.0, "circular") * self.diameter**2
-        return np.full(len(self.yarn_diameters), self.fibre_density * self.packing * area)
+        areas = section_factor(1.0, "circular") * self.yarn_diameters**2
+        if self.kind == "file":
+            made = self._of_file()
+            areas = areas * made.aspects[piece_of(made, self.repeats).yarns]
+        return self.fibre_density * self.packing * areas
 
     @property
     def figures(self) -> list[FabricFigure]:
-        """Spacings, loop length, their ratios, thickness, and mass per area."""
+        """Spacings, lengths, thickness, and mass per area."""
+        if self.kind == "file":
+            return file_figures(self._of_file(), self.fibre_density * self.packing)
         yarns, cell, overlap = self._rest()
         if (sides := self._sides()) is not None:
             overlap = max(overlap, sides.overlap)
-        wale = float(cell[0, 0]) / len(self.rows[0]) * self.diameter
-        course = float(cell[1, 1]) / len(self.rows) * self.diameter
-        loop = self.stitch_length or STITCH * self.diameter
-        thickness = measure_thickness(yarns, cell) * self.diameter
+        wale = float(cell[0, 0]) / len(self.rows[0]) * self._size
+        course = float(cell[1, 1]) / len(self.rows) * self._size
+        loop = self.stitch_length or STITCH * self._size
+        thickness = measure_thickness(yarns, cell) * self._size
         mass = float(self.linear_densities[0]) * loop / (wale * course)
         return [
             FabricFigure("course_spacing", "course spacing", course, "m"),
@@ -216,6 +303,9 @@ class TextileSource(Textile, Stage):
 
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Relax a repeat, and sweep the yarns of the piece."""
+        if self.kind == "file":
+            self._run_file(output)
+            return
         parts = self.wales * self.courses * POINTS * PARTS
         require_memory(
             parts * _PART_BYTES,
@@ -228,7 +318,7 @@ class TextileSource(Textile, Stage):
         colors, joined = self._courses()
         sides = self._sides()
         lines = repeat_knit(yarns, cell, self.wales, self.courses, sides, joined.tolist())
-        lines = [line * self.diameter for line in lines]
+        lines = [line * self._size for line in lines]
         low, high = (
             end(np.stack([end(line, axis=0) for line in lines]), axis=0) for end in (np.min, np.max)
         )
@@ -241,3 +331,32 @@ class TextileSource(Textile, Stage):
         mass = next(one.value for one in self.figures if one.key == "areal_mass")
         assert mass is not None
         add_number(output.GetFieldData(), "areal_mass", mass)
+
+    def _run_file(self, output: vtkUnstructuredGrid) -> None:
+        """Sweep the yarns of a file."""
+        made = self._of_file()
+        for note in made.notes:
+            self.warn(note)
+        piece = piece_of(made, self.repeats)
+        require_memory(
+            sum(map(len, piece.lines)) * PARTS * _PART_BYTES,
+            f"{len(piece.lines)} yarns of a file",
+            key="repeats",
+            value=self.repeats,
+            cure="Use fewer repeats.",
+        )
+        swept = sweep_yarns(piece.lines, self.yarn_diameters, made.aspects[piece.yarns])
+        set_patches(output, swept)
+        cells = output.GetCellData()
+        add_array(cells, "yarn", swept.line)
+        add_array(cells, "family", np.zeros(len(swept.line), dtype=np.int32))
+        given = np.reshape(COLOR if self.color is None else self.color, (-1, 3)).astype(np.uint8)
+        colors = given[np.array(piece.yarns) % len(given)]
+        if self.color is None:
+            for line, yarn in enumerate(piece.yarns):
+                if (own := made.colors[yarn]) is not None:
+                    colors[line] = own
+        add_array(cells, "color", colors[swept.line])
+        for one in self.figures:
+            if one.key == "areal_mass" and one.value is not None:
+                add_number(output.GetFieldData(), "areal_mass", one.value)

@@ -102,10 +102,10 @@ def split_curves(curves: YarnCurves) -> Iterator[tuple[np.ndarray, bool]]:
 
 
 def bcc_losses(curves: YarnCurves | None) -> list[str]:
-    """Return what the format cannot store."""
+    """Return sentences about what a .bcc cannot store of yarns."""
     if curves is None:
         return []
-    found = ["colours of yarns; numbers have single precision"]
+    found = ["a .bcc stores no colours, and positions in single precision"]
     if len(np.unique(np.round(curves.widths, 12))) > 1:
-        found.append("diameters of yarns, because they differ")
+        found.append("a .bcc stores no diameters that differ from yarn to yarn")
     return found

@@ -216,5 +216,9 @@ def _join(values: Floats) -> str:
 
 
 def tg3_losses(curves: YarnCurves | None) -> list[str]:
-    """Return what the format cannot store."""
-    return [] if curves is None else ["colours of yarns; sections are circles of the same area"]
+    """Return sentences about what a .tg3 cannot store of yarns."""
+    return (
+        []
+        if curves is None
+        else ["a .tg3 stores no colours; sections become circles of the same area"]
+    )

@@ -65,7 +65,18 @@ class CurveSet(NamedTuple):
     """Sentences on what is read in another way than the file means it."""
 
     def scaled(self, factor: float) -> CurveSet:
-        """Return the same yarns with all lengths multiplied."""
+        """Multiply all lengths.
+
+        Parameters
+        ----------
+        factor : float
+            Factor on all lengths, above 0.
+
+        Returns
+        -------
+        CurveSet
+            The same yarns in another size.
+        """
         curves = [
             each._replace(nodes=factor * each.nodes, diameter=factor * each.diameter)
             for each in self.curves

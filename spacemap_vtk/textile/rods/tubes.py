@@ -51,14 +51,38 @@ def sweep_yarns(
 
 
 def find_tubes(line: AnyInts) -> Tubes:
-    """Find tubes of round or elliptic yarns, with caps, among patches by their numbers of lines."""
+    """Find the tubes of `sweep_yarns` among its patches.
+
+    Parameters
+    ----------
+    line : ndarray of int, shape (P,)
+        Number of each patch's line.
+
+    Returns
+    -------
+    Tubes
+        Positions of the rings among the control points.
+    """
     own, ends = 4, 4  # patches around a part, and of the two caps of a line
     parts = (np.bincount(line) - ends) // own
     return Tubes(0, build_section("circular", 1.0, False).size, parts, 1.0)
 
 
 def round_widths(tubes: Tubes, points: NDArray[Any]) -> Floats:
-    """Compute the diameter of a round yarn with the area of each line's first section, (lines,)."""
+    """Compute the diameter of a round yarn with the area of each line's first section.
+
+    Parameters
+    ----------
+    tubes : Tubes
+        From `find_tubes`.
+    points : ndarray of float, shape (N, 3)
+        Control points [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (lines,)
+        Diameters [m].
+    """
     first = points[tubes.first + tubes.ring * tubes.ends[::2, None] + np.array([0, 3, 6, 9])]
     height, width = (np.linalg.norm(first[:, k] - first[:, k + 2], axis=1) for k in (0, 1))
     return np.sqrt(height * width, dtype=np.float64)
