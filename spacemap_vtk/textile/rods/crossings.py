@@ -1,15 +1,14 @@
 """Which yarn is above at each crossing, seen along a direction; yarns that relax must keep it.
 
-A crossing is known by the yarn that is crossed, the neighbouring cell in which that one lies, and
-whether it is below. Along each yarn, crossings form a word that repeats itself with the cell. Two
-yarns may be pushed over each other and back: two neighbouring crossings of the same two yarns with
-the same one above are no change, and are left out.
+Crossings come and go in pairs, and change their order along a yarn, while yarns move past each
+other. What cannot change is the sum of signs of all crossings of two lines: see `linking_numbers`.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Sequence
+from math import gcd
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,8 @@ from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 #: Straight pieces in each span.
 _PIECES = 8
+#: Direction along which yarns that lie straight above each other do not hide each other.
+_ASKEW = (0.013, 0.007, 1.0)
 
 
 class Crossings(NamedTuple):
@@ -32,15 +33,8 @@ class Crossings(NamedTuple):
     """(c, 2) Parameter of the crossing on both [spans]."""
     shift: Ints
     """(c, 2) Periods by which the yarn below is moved."""
-
-
-class _Passage(NamedTuple):
-    """A crossing seen from one of its yarns."""
-
-    crossing: int
-    other: int
-    shift: tuple[int, int]
-    is_above: bool
+    signs: Ints
+    """(c,) 1 where the yarn below runs from the right to the left of the one above, else -1."""
 
 
 def find_crossings(
@@ -54,6 +48,7 @@ def find_crossings(
     samples, z = sample_yarns(yarns, at, np.ones(len(at))), unknowns(yarns, cell)
     up = np.asarray(direction, dtype=np.float64)
     plane = np.linalg.svd(up[None])[2][1:]
+    plane[0] *= np.sign(np.linalg.det([*plane, up]))
     place = samples.places(z).reshape(-1, len(at), 3)
     begin, end = place[:, :-1].reshape(-1, 3), place[:, 1:].reshape(-1, 3)
     owner = samples.yarn.reshape(-1, len(at))[:, :-1].ravel()
@@ -89,86 +84,64 @@ def find_crossings(
                 np.where(over, pair, pair[:, ::-1]),
                 np.where(over, where, where[:, ::-1]),
                 np.where(over, move, -move),
+                np.where(over[:, 0], 1, -1) * np.sign(area[on]).astype(np.int64),
             )
         )
     return Crossings(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
 
-def crossing_words(
-    yarns: Sequence[Yarn], cell: Floats, direction: ArrayLike = (0.0, 0.0, 1.0)
-) -> list[list[tuple[int, tuple[int, int], bool]]]:
-    """List the crossings along each yarn: the other yarn, its cell, whether this one is above."""
-    # Pairs of crossings that are no change are left out.
-    found = find_crossings(yarns, cell, direction)
-    passages: dict[int, list[tuple[float, _Passage]]] = defaultdict(list)
-    for number, (pair, where, shift) in enumerate(
-        zip(found.yarns.tolist(), found.parameters.tolist(), found.shift.tolist(), strict=True)
+def linking_numbers(yarns: Sequence[Yarn], cell: Floats) -> dict[tuple[int, ...], int]:
+    """Sum the signs of the crossings of every two lines that yarns and their images form.
+
+    Yarns that do not pass through each other keep these sums, however they move.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Centre lines.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors [m].
+
+    Returns
+    -------
+    dict of tuple to int
+        For two yarns and the periods by which the second one is moved; without sums of 0, and
+        without those of a line with itself, which moves can change.
+    """
+    periods = [yarn.periods or (0, 0) for yarn in yarns]
+    found = find_crossings(yarns, cell, _ASKEW)
+    sums: Counter[tuple[int, ...]] = Counter()
+    for pair, shift, sign in zip(
+        found.yarns.tolist(), found.shift.tolist(), found.signs.tolist(), strict=True
     ):
-        back = (-shift[0], -shift[1])
-        passages[pair[0]].append((where[0], _Passage(number, pair[1], tuple(shift), True)))
-        passages[pair[1]].append((where[1], _Passage(number, pair[0], back, False)))
-    words = [[each for _, each in sorted(passages[k])] for k in range(len(yarns))]
-    while (pair := _find_pair(words)) is not None:
-        words = [[each for each in word if each.crossing not in pair] for word in words]
-    return [[each[1:] for each in word] for word in words]
+        first, second = sorted(pair)
+        turned = -1 if pair[0] > pair[1] else 1
+        moves = [
+            _least_move((way * shift[0], way * shift[1]), periods[first], periods[second])
+            for way in ((turned, -turned) if first == second else (turned,))
+        ]
+        move = min(moves)
+        if first != second or move != (0, 0):
+            sums[(first, second, *move)] += sign
+    return {key: value for key, value in sums.items() if value}
 
 
-def same_words(
-    first: Sequence[Sequence[tuple[int, tuple[int, int], bool]]],
-    second: Sequence[Sequence[tuple[int, tuple[int, int], bool]]],
-    periods: Sequence[tuple[int, int] | None],
-) -> bool:
-    """Check whether yarns have the same crossings, wherever their words begin."""
-    return all(
-        _same_word(list(a), list(b), own, periods)
-        for a, b, own in zip(first, second, periods, strict=True)
-    )
-
-
-def _same_word(
-    first: list[tuple[int, tuple[int, int], bool]],
-    second: list[tuple[int, tuple[int, int], bool]],
-    own: tuple[int, int] | None,
-    periods: Sequence[tuple[int, int] | None],
-) -> bool:
-    if len(first) != len(second):
-        return False
-
-    def letters(word: list[tuple[int, tuple[int, int], bool]], turned: int) -> list[object]:
-        found: list[object] = []
-        for place in range(len(word)):
-            turn, index = divmod(place + turned, len(word))
-            other, shift, above = word[index]
-            # In the next period of this yarn, its neighbours are those of the next cell.
-            moved = tuple(shift[k] + turn * (own or (0, 0))[k] for k in range(2))
-            found.append((other, _strand(moved, periods[other]), above))
-        return found
-
-    rotations = range(len(first)) if own is not None else (0,)
-    wanted = letters(first, 0)
-    size = len(first)
-    return not first or any(
-        letters(second, turned) == wanted for start in rotations for turned in (start, start - size)
-    )
-
-
-def _strand(shift: tuple[int, ...], periods: tuple[int, int] | None) -> tuple[int, ...]:
-    """Return a number for the line that a yarn and its images in the direction of it form."""
-    if not periods or not any(periods):
-        return shift
-    a, b = periods
-    along = (shift[0] * a + shift[1] * b) // (a * a + b * b)
-    return shift[0] - along * a, shift[1] - along * b
-
-
-def _find_pair(words: Sequence[Sequence[_Passage]]) -> set[int] | None:
-    """Find two crossings that are neighbours on both of their yarns, with the same one above."""
-    beside: dict[frozenset[int], int] = defaultdict(int)
-    for word in words:
-        for one, two in zip(word, [*word[1:], *word[:1]], strict=True):
-            if one.crossing != two.crossing and one[1:] == two[1:]:
-                beside[frozenset((one.crossing, two.crossing))] += 1
-    return next((set(pair) for pair, count in beside.items() if count >= 2), None)
+def _least_move(
+    move: tuple[int, int], first: tuple[int, int], second: tuple[int, int]
+) -> tuple[int, int]:
+    """Return the same of all moves that differ by whole periods of two yarns."""
+    # Euclid's algorithm on the first components leaves (a, b) and (0, c).
+    (a, b), (p, q) = first, second
+    while p:
+        whole = a // p
+        (a, b), (p, q) = (p, q), (a - whole * p, b - whole * q)
+    x, y = move
+    if a:
+        whole = x // a
+        x, y = x - whole * a, y - whole * b
+    else:
+        q = gcd(b, q)
+    return x, (y % abs(q) if q else y)
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

@@ -34,6 +34,8 @@ class RodMechanics(NamedTuple):
     """Stiffness k of contact per length of both yarns [N/m³]."""
     length: Floats
     """(Y,) Length of a span at rest [m]."""
+    mandrel: float = 0.0
+    """Radius of a rigid cylinder about the y axis, which yarns do not enter [m]; 0 for none."""
 
 
 class State:
@@ -145,7 +147,25 @@ class RodEnergy:
             )
             blocks -= (push / contacts.distance)[:, None, None] * _EYE
             products.append((contacts.apart, blocks))
+        if self.mechanics.mandrel:
+            energy, force, mandrel = self._press_on_mandrel(z, thickness)
+            parts[2] += energy
+            gradient += samples.place.T @ force.ravel()
+            products.append((samples.place, mandrel))
         return State(z, parts, gradient.reshape(-1, 3), products)
+
+    def _press_on_mandrel(self, z: Floats, thickness: float) -> tuple[float, Floats, Floats]:
+        """Compute energy, its derivatives by places (S, 3), and its second ones (S, 3, 3)."""
+        away = self.samples.places(z) * np.array([1.0, 0.0, 1.0])
+        distance = np.linalg.norm(away, axis=1)
+        diameter = self.samples.diameter[self.samples.yarn]
+        overlap = np.maximum(self.mechanics.mandrel + thickness * diameter / 2 - distance, 0.0)
+        stiff = self.mechanics.contact * diameter * self._ds
+        push, normal = stiff * overlap, away / distance[:, None]
+        sideways = np.diag([1.0, 0.0, 1.0]) - _outer(normal, normal)
+        blocks = np.where(overlap > 0.0, stiff, 0.0)[:, None, None] * _outer(normal, normal)
+        blocks -= (push / distance)[:, None, None] * sideways
+        return float(push @ overlap) / 2, -push[:, None] * normal, blocks
 
     def contacts(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> Contacts:
         """Find the pairs that overlap."""

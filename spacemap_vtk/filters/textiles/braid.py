@@ -1,0 +1,123 @@
+"""Braids, tubular and flat."""
+
+from __future__ import annotations
+
+from math import atan, degrees, pi, radians, tan
+
+import numpy as np
+
+from spacemap_vtk.filters.textile import FabricFigure
+from spacemap_vtk.filters.textiles.kind import Crossed, Rest, TextileKind, yarn_lengths
+from spacemap_vtk.ndarrays import AnyInts
+from spacemap_vtk.parameters import Choice, Integer, Real
+from spacemap_vtk.textile.rods.braid import draw_strip, draw_tube
+from spacemap_vtk.textile.rods.guess import Guess
+
+#: Braid angle of a tube, and pick length of a strip in diameters, if none are given.
+_ANGLE, _PITCH = 45.0, 2.5
+
+
+class Braid(TextileKind):
+    """Carriers that pass over and under each other, along y."""
+
+    name = "braid"
+    family_names = ("carriers",)
+    colors = ((196, 62, 58), (238, 226, 200), (52, 84, 122))
+
+    form = Choice("tubular", "Form of a braid: round a mandrel, or a strip.", ["tubular", "flat"])
+    carriers = Integer(16, "Number of yarns of a braid.", minimum=3, maximum=400)
+    over = Integer(
+        1,
+        "Yarns that each yarn passes over, and then under: 1 diamond, 2 regular, 3 Hercules.",
+        minimum=1,
+        maximum=3,
+    )
+    mandrel = Real(
+        None,
+        "Diameter of the mandrel.",
+        unit="m",
+        above=0.0,
+        plausible=(1e-6, 1.0),
+        usual_units="mm",
+        automatic="so that yarns cover most of it",
+        when={"form": ("tubular",)},
+    )
+    pick_length = Real(
+        None,
+        "Length along a braid from one crossing to the next one in line with it.",
+        unit="m",
+        above=0.0,
+        plausible=(1e-6, 1.0),
+        usual_units="mm",
+        automatic="of a tube by its braid angle; of a strip 2.5 diameters",
+    )
+    braid_angle = Real(
+        None,
+        "Angle of the yarns of a tube to its axis.",
+        unit="deg",
+        above=0.0,
+        below=90.0,
+        automatic="45 degrees, or by the pick length",
+        when={"form": ("tubular",), "pick_length": (None,)},
+    )
+    repeats_along = Crossed.repeats_along
+
+    @property
+    def _mandrel(self) -> float:
+        """Diameter of the mandrel [diameters]."""
+        if self.mandrel is not None:
+            return float(self.mandrel / self.size)
+        return max(1.0, self.carriers * 1.25 / pi - 2.0)
+
+    @property
+    def _pitch(self) -> float:
+        """Pick length [diameters]."""
+        if self.pick_length is not None:
+            return float(self.pick_length / self.size)
+        if self.form == "flat":
+            return _PITCH
+        round_ = pi * (self._mandrel + 2.0)
+        angle = _ANGLE if self.braid_angle is None else self.braid_angle
+        return round_ / tan(radians(angle)) / (self.carriers / 2)
+
+    def guess(self) -> Guess:
+        """Draw a cell of one crossing."""
+        if self.form == "flat":
+            return draw_strip(self.carriers, self.over, self._pitch)
+        return draw_tube(self.carriers, self.over, self._mandrel, self._pitch)
+
+    @property
+    def cells(self) -> tuple[int, int]:
+        """Number of cells; the other period is 0."""
+        return self.repeats_along, self.repeats_along
+
+    @property
+    def line_colors(self) -> AnyInts:
+        """Colours repeated over the carriers."""
+        return self.palette[np.arange(len(self.line_families)) % len(self.palette)]
+
+    @property
+    def parts(self) -> int:
+        """Number of parts of all tubes."""
+        return super().parts // self.repeats_along
+
+    def figures(self, rest: Rest) -> list[FabricFigure]:
+        """Return pick length, width or diameter, angle, and mass per length."""
+        unit = self.scale
+        pitch = float(abs(rest.cell).max()) * unit
+        places = np.concatenate([yarn.points for yarn in rest.yarns])
+        lengths = yarn_lengths(rest)
+        mass = float(self.mass_per_length(np.array([self.size]))[0] * lengths.sum()) * unit
+        found = [FabricFigure("pick_length", "pick length", pitch, "m")]
+        if self.form == "flat":
+            width = (float(np.ptp(places[:, 0])) + 1.0) * unit
+            found.append(FabricFigure("width", "width", width, "m"))
+        else:
+            radius = float(np.hypot(places[:, 0], places[:, 2]).mean()) * unit
+            lay = self.carriers / 2 * pitch
+            angle = atan(2 * pi * radius / lay)
+            found.append(FabricFigure("mean_diameter", "mean diameter", 2 * radius, "m"))
+            found.append(FabricFigure("braid_angle", "braid angle", degrees(angle), "deg"))
+            found.append(FabricFigure("lay_length", "length of one turn", lay, "m"))
+        found.append(FabricFigure("linear_mass", "mass per length", mass / pitch, "kg/m"))
+        return found
