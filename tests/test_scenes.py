@@ -253,6 +253,32 @@ def check_knit(course: float, wale: float) -> Callable[[Scene], None]:
     return check
 
 
+def check_figures(**expected: float) -> Callable[[Scene], None]:
+    """Return a check of figures of a textile, each within 3 per cent."""
+
+    def check(scene: Scene) -> None:
+        found = {figure.key: figure.value for figure in scene.textile.figures}
+        assert found["largest_overlap"] < 0.006
+        for key, value in expected.items():
+            assert found[key] == pytest.approx(value, rel=0.03)
+
+    return check
+
+
+def check_orthogonal(scene: Scene) -> None:
+    found = {figure.key: figure.value for figure in scene.textile.figures}
+    # Four picks and three stuffers lie on each other; binders press into both faces.
+    assert 7e-3 < found["thickness"] < 9e-3
+    assert (found["unbound_picks"], found["cloths"]) == (0, 1)
+    assert found["largest_overlap"] < 0.006
+
+
+def check_leno(scene: Scene) -> None:
+    found = {figure.key: figure.value for figure in scene.textile.figures}
+    assert found["crossing_crimp"] > found["standing_crimp"] > 0.0
+    assert found["largest_overlap"] < 0.006
+
+
 def half_the_yarns(ends: int, picks: int, spacing: str) -> tuple[str, ...]:
     """Return the settings of a cloth that is as large as before, with half as many yarns."""
     spacings = (f'weave.{family}_spacing="{spacing}"' for family in ("warp", "weft"))
@@ -278,6 +304,14 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "rib_2x2": check_knit(1.08, 0.40),
     "garter": check_knit(0.71, 1.04),
     "seed_stitch": check_knit(0.77, 0.91),
+    # Taut strands lie in two layers at each crossing.
+    "three_strand_plait": check_figures(pick_length=15e-3, thickness=12e-3),
+    # Helices on the mean radius, half a diameter more than mandrel and inner yarns.
+    "tubular_braid": check_figures(lay_length=math.pi * 7e-3, braid_angle=45.0),
+    "orthogonal_weave": check_orthogonal,
+    "leno": check_leno,
+    # Peirce: spacing of three diameters.
+    "wire_mesh": check_figures(warp_crimp=0.05848, weft_crimp=0.05848),
     **hung_scenes.CHECKS,
     **contact_scenes.CHECKS,
 }
@@ -317,6 +351,8 @@ SHORTER = {
 LONG = {
     "garter",
     "handweaving",
+    "leno",
+    "orthogonal_weave",
     "rib_1x1",
     "rib_2x2",
     "seed_stitch",
@@ -340,7 +376,16 @@ LONG = {
 
 
 #: Of these, scenes without a cage, or whose cage takes long to make.
-NO_CAGE = {"garter", "handweaving", "lever_in_tetwild_cage", "rib_1x1", "rib_2x2", "seed_stitch"}
+NO_CAGE = {
+    "garter",
+    "handweaving",
+    "leno",
+    "orthogonal_weave",
+    "lever_in_tetwild_cage",
+    "rib_1x1",
+    "rib_2x2",
+    "seed_stitch",
+}
 
 
 def scenes() -> list[Any]:

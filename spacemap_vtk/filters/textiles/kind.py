@@ -326,20 +326,8 @@ class Crossed(TextileKind):
 
 
 def combine(kinds: Mapping[str, type[TextileKind]], first: Iterable[str]) -> type[Parameterised]:
-    """Make the class of all parameters of several kinds, each used by its own kinds only.
-
-    Parameters
-    ----------
-    kinds : mapping of str to type
-        The kinds by name.
-    first : iterable of str
-        Names of the kinds that come first in the choice, the default before all.
-
-    Returns
-    -------
-    type
-        A class with the parameter `kind`, followed by those of the kinds.
-    """
+    """Make the class of all parameters of several kinds, each used by its own kinds only."""
+    # `first` names the kinds that come first in the choice, the default before all.
     names = list(dict.fromkeys([*first, *sorted(kinds)]))
     declared: dict[str, Parameter[Any]] = {
         "kind": Choice(names[0], "Kind of textile.", names),

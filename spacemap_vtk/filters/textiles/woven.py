@@ -166,18 +166,30 @@ class Layers(Crossed):
 
     def families_of_cell(self, guess: Guess) -> Ints:
         """Return 0 for stuffers, 1 for binders, and 2 for picks."""
-        binds = [int(binds) for binds in self.plan.binds()]
+        binds = [int(binds) for binds in self.plan.binds]
         return np.array(binds + [2] * (len(guess.yarns) - len(binds)))
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences about picks that are not bound, and on whether the weave falls apart."""
+        plan = self.plan
+        notes = [
+            f"pick {layer + 1} of column {column + 1} is not bound: all ends are on one side of it"
+            for column, layer in plan.unbound
+        ]
+        if not notes and plan.cloths > 1:
+            notes.append(f"the weave falls apart into {plan.cloths} cloths that nothing joins")
+        return notes
 
     def figures(self, rest: Rest) -> list[FabricFigure]:
         """Return the crimp of the binders, unbound picks, and the number of separate cloths."""
         plan = self.plan
         crimps = yarn_lengths(rest)[: len(plan.ends)] / rest.cell[1, 1] - 1.0
-        binders = crimps[np.array(plan.binds(), dtype=bool)]
+        binders = crimps[np.array(plan.binds, dtype=bool)]
         found = [
             FabricFigure("layers", "layers of picks", plan.layers),
-            FabricFigure("unbound_picks", "unbound picks in a repeat", len(plan.unbound())),
-            FabricFigure("cloths", "separate cloths", plan.count_parts()),
+            FabricFigure("unbound_picks", "unbound picks in a repeat", len(plan.unbound)),
+            FabricFigure("cloths", "separate cloths", plan.cloths),
         ]
         if len(binders):
             found.append(

@@ -91,23 +91,10 @@ def find_crossings(
 
 
 def linking_numbers(yarns: Sequence[Yarn], cell: Floats) -> dict[tuple[int, ...], int]:
-    """Sum the signs of the crossings of every two lines that yarns and their images form.
-
-    Yarns that do not pass through each other keep these sums, however they move.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Centre lines.
-    cell : ndarray of float64, shape (2, 3)
-        Period vectors [m].
-
-    Returns
-    -------
-    dict of tuple to int
-        For two yarns and the periods by which the second one is moved; without sums of 0, and
-        without those of a line with itself, which moves can change.
-    """
+    """Sum the signs of the crossings of every two lines that yarns and their images form."""
+    # Yarns that do not pass through each other keep these sums, however they move. A key is two
+    # yarns and the periods by which the second one is moved. Sums of 0 are left out, and those of a
+    # line with itself, which moves can change.
     periods = [yarn.periods or (0, 0) for yarn in yarns]
     found = find_crossings(yarns, cell, _ASKEW)
     sums: Counter[tuple[int, ...]] = Counter()

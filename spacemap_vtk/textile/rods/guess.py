@@ -98,22 +98,8 @@ def _crossings(yarns: Sequence[Yarn], cell: Floats, mandrel: float) -> dict[tupl
 
 
 def roll(yarns: Sequence[Yarn], cell: Floats, radius: float) -> tuple[list[Yarn], Floats]:
-    """Roll a plane of yarns whose cell is (round, 0, 0), (0, pitch, 0) to a tube about y.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Yarns in the plane; the second one of their periods goes along the tube.
-    cell : ndarray of float64, shape (2, 3)
-        The circumference along x and the period along y [m].
-    radius : float
-        Radius at z = 0 [m].
-
-    Returns
-    -------
-    tuple of list of Yarn and ndarray of float64, shape (2, 3)
-        Yarns on the tube, and its cell: along y, and 0.
-    """
+    """Roll a plane with a cell (circumference, 0, 0), (0, pitch, 0) to a tube about y."""
+    # z = 0 comes to the given radius. The cell of the tube is its pitch along y, and 0.
     turn = 2 * np.pi / cell[0, 0]
     rolled = []
     for yarn in yarns:

@@ -52,12 +52,14 @@ class LiftPlan(NamedTuple):
         """The lifts of all ends."""
         return [end for place in self.places for end in place]
 
+    @property
     def binds(self) -> list[bool]:
         """Whether each end changes its lift: it binds layers; others are stuffers."""
         return [len(set(end)) > 1 for end in self.ends]
 
+    @property
     def unbound(self) -> list[tuple[int, int]]:
-        """List the picks (column, layer) that have no end above them, or none below."""
+        """The picks (column, layer) that have no end above them, or none below."""
         return [
             (column, layer)
             for column in range(self.columns)
@@ -66,8 +68,9 @@ class LiftPlan(NamedTuple):
             or not any(end[column] <= layer for end in self.ends)
         ]
 
-    def count_parts(self) -> int:
-        """Count the separate cloths: yarns that hang together are above and below each other."""
+    @property
+    def cloths(self) -> int:
+        """Number of separate cloths; yarns of one cloth hold each other from above and below."""
         from scipy.sparse import csr_matrix
         from scipy.sparse.csgraph import connected_components
 
@@ -203,7 +206,7 @@ def draw_layers(plan: LiftPlan, spacings: ArrayLike, diameters: Sequence[float])
     """
     across, along = np.asarray(spacings, dtype=np.float64)
     stuffer, binder, pick = diameters
-    own = iter([binder if binds else stuffer for binds in plan.binds()])
+    own = iter([binder if binds else stuffer for binds in plan.binds])
     sizes = [[next(own) for _ in place] for place in plan.places]
     cell = np.array([[across * len(plan.places), 0, 0], [0, along * plan.columns, 0]], dtype=float)
     # Room between two layers, for the most ends that lie there in one place.

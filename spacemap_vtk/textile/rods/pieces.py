@@ -52,7 +52,18 @@ def repeat_yarns(
 
 
 def count_lines(yarns: Sequence[Yarn], cell: Floats, repeats: Sequence[int]) -> Ints:
-    """Return the yarn of the cell of each line of a piece, without its points."""
+    """Return the yarn of the cell of each line of a piece, without its points.
+
+    Parameters
+    ----------
+    yarns, cell, repeats
+        As for `repeat_yarns`.
+
+    Returns
+    -------
+    ndarray of int64, shape (lines,)
+        Numbers of yarns.
+    """
     counts = []
     for yarn in yarns:
         periods = yarn.periods or (0, 0)
@@ -62,7 +73,20 @@ def count_lines(yarns: Sequence[Yarn], cell: Floats, repeats: Sequence[int]) -> 
 
 
 def cover(yarns: Sequence[Yarn], cell: Floats) -> float:
-    """Compute the share of a cell along x and y that yarns cover, seen along z."""
+    """Compute the share of a cell along x and y that yarns cover, seen along z.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Yarns of the cell.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors, one along x and one along y [m].
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+    """
     from scipy.spatial import cKDTree
 
     at = np.arange(8) / 8
