@@ -9,11 +9,16 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Progress
-from spacemap_vtk.textile.rods.contact import find_pairs, mean_diameters, separate
+from spacemap_vtk.parallel import blocks
+from spacemap_vtk.textile.rods.contact import (
+    Pairs,
+    find_pairs,
+    mean_diameters,
+    move_to_image,
+)
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.relax import Relaxed, relax_yarns
 from spacemap_vtk.textile.rods.yarns import (
-    Samples,
     Yarn,
     basis_functions,
     sample_yarns,
@@ -27,8 +32,11 @@ SPAN = 0.65
 _TENSION, _CONTACT = 1e3, 6e3
 #: Largest deviation of resampled yarns from the curve through their points, in diameters.
 _DEVIATION = 0.01
-#: Distance of samples along yarns where overlaps are searched, in diameters.
-_SAMPLE = 0.1
+#: Distances of samples along yarns where overlaps are searched, in diameters: of short yarns, and
+#: of long ones, which have about this number of samples.
+_SAMPLE, _COARSEST, _MOST_SAMPLES = 0.1, 0.5, 200_000
+#: Number of pairs of samples whose nearest points are computed together.
+_BLOCK = 2**18
 #: Rounds in which the nearest points of two yarns are found.
 _ROUNDS = 3
 #: Most spans between two points of a file.
@@ -245,28 +253,46 @@ def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats) -> Overlap | None:
         The largest overlap; None if no two centre lines are nearer than the largest diameter.
     """
     z = unknowns(yarns, cell)
-    rough = sample_yarns(yarns)
-    speed, lengths = _span_lengths(rough, z)
-    least, most = float(rough.diameter.min()), float(rough.diameter.max())
-    count = int(np.clip(np.ceil(speed.max() / (_SAMPLE * least)), 1, 4 * _MOST_SPANS))
+    chords = [_chords(yarn, cell) for yarn in yarns]
+    lengths = np.array([each.mean() for each in chords])
+    longest, total = max(each.max() for each in chords), sum(each.sum() for each in chords)
+    least, most = (end(yarn.diameter for yarn in yarns) for end in (min, max))
+    fine = float(np.clip(total / least / _MOST_SAMPLES, _SAMPLE, _COARSEST))
+    count = int(np.clip(np.ceil(longest / (fine * least)), 1, 4 * _MOST_SPANS))
     samples = sample_yarns(yarns, (np.arange(count) + 0.5) / count, np.full(count, 1.0 / count))
-    pairs = find_pairs(samples, z, lengths, (1.0 + _SAMPLE) * most)
-    if not len(pairs.first):
-        return None
-    i, j = pairs.first, pairs.second
+    pairs = find_pairs(samples, z, lengths, (1.0 + fine) * most)
     # Near its sample, a yarn is followed by half the way to the next one, with its bend.
     slope = (samples.slope @ z.ravel()).reshape(-1, 3) / (2.0 * count)
     bend = (samples.bend @ z.ravel()).reshape(-1, 3) / (8.0 * count**2)
-    apart = separate(samples, pairs, z)
-    s, t = np.zeros((2, len(i)))
-    middle, distance = np.zeros_like(apart), np.full(len(i), np.inf)
+    place = samples.places(z)
+    worst: Overlap | None = None
+    for part in blocks(len(pairs.first), _BLOCK):
+        own = Pairs(*(each[part] for each in pairs))
+        i, j = own.first, own.second
+        apart = place[i] - move_to_image(place[j], own.shift, cell, samples.turn)
+        middle, distance = _nearest_points(apart, slope[i], bend[i], slope[j], bend[j])
+        share = 1.0 - distance / mean_diameters(samples, own)
+        k = int(share.argmax())
+        if worst is None or share[k] > worst.share:
+            owners = int(samples.yarn[i[k]]), int(samples.yarn[j[k]])
+            worst = Overlap(float(share[k]), owners, place[i[k]] + middle[k])
+    return worst
+
+
+def _nearest_points(
+    apart: Floats, slope_i: Floats, bend_i: Floats, slope_j: Floats, bend_j: Floats
+) -> tuple[Floats, Floats]:
+    """Compute the middle between the nearest points of pairs of short arcs, and their distance."""
+    # An arc is s slope + s² bend, s from -1 to 1; the second one begins at -`apart`.
+    s, t = np.zeros((2, len(apart)))
+    middle, distance = np.zeros_like(apart), np.full(len(apart), np.inf)
     for _ in range(_ROUNDS):
-        step = s[:, None] * slope[i] + s[:, None] ** 2 * bend[i]
-        gap = apart + step - t[:, None] * slope[j] - t[:, None] ** 2 * bend[j]
+        step = s[:, None] * slope_i + s[:, None] ** 2 * bend_i
+        gap = apart + step - t[:, None] * slope_j - t[:, None] ** 2 * bend_j
         found = np.linalg.norm(gap, axis=1)
         better = found < distance
         distance[better], middle[better] = found[better], (step - gap / 2)[better]
-        a, b = slope[i] + 2 * s[:, None] * bend[i], slope[j] + 2 * t[:, None] * bend[j]
+        a, b = slope_i + 2 * s[:, None] * bend_i, slope_j + 2 * t[:, None] * bend_j
         aa, bb, ab, ga, gb = (
             np.einsum("ci,ci->c", *two) for two in ((a, a), (b, b), (a, b), (gap, a), (gap, b))
         )
@@ -274,17 +300,14 @@ def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats) -> Overlap | None:
         area = aa * bb - ab**2
         s = np.clip(s + (ab * gb - bb * ga) / area, -1.0, 1.0)
         t = np.clip(t + (aa * gb - ab * ga) / area, -1.0, 1.0)
-    share = 1.0 - distance / mean_diameters(samples, pairs)
-    worst = int(share.argmax())
-    here = samples.places(z)[i[worst]] + middle[worst]
-    owners = int(samples.yarn[i[worst]]), int(samples.yarn[j[worst]])
-    return Overlap(float(share[worst]), owners, here)
+    return middle, distance
 
 
-def _span_lengths(samples: Samples, z: Floats) -> tuple[Floats, Floats]:
-    """Compute |r′| of the samples, and the mean length of a span of each yarn [m]."""
-    speed = np.linalg.norm((samples.slope @ z.ravel()).reshape(-1, 3), axis=1)
-    return speed, np.bincount(samples.yarn, speed * samples.weight) / samples.spans
+def _chords(yarn: Yarn, cell: Floats) -> Floats:
+    """Compute the distances of the ends of each span, (spans,) [m]."""
+    line = drawn_points(yarn, None if yarn.periods is None else np.asarray(yarn.periods) @ cell)
+    ends = (line[:-2] + 4.0 * line[1:-1] + line[2:]) / 6.0
+    return np.asarray(np.linalg.norm(np.diff(ends, axis=0), axis=1))
 
 
 def relax_curves(
@@ -318,9 +341,10 @@ def relax_curves(
     size = float(np.mean([curve.diameter for curve in given.curves]))
     scaled = given.scaled(1.0 / size)
     yarns, deviation = fit_yarns(scaled, SPAN)
-    z = unknowns(yarns, scaled.cell)
     samples = sample_yarns(yarns)
-    _, lengths = _span_lengths(samples, z)
+    slope = (samples.slope @ unknowns(yarns, scaled.cell).ravel()).reshape(-1, 3)
+    speed = np.linalg.norm(slope, axis=1)
+    lengths = np.bincount(samples.yarn, speed * samples.weight) / samples.spans
     own = samples.diameter
     mechanics = RodMechanics(_TENSION * own**2, own**4, _CONTACT, lengths)
     held = np.concatenate(
