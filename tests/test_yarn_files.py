@@ -13,12 +13,15 @@ import pytest
 import pyvista as pv
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.moving_surface import YarnCurves
-from spacemap_vtk.errors import GeometryError, InputError, SizeError
+from spacemap_vtk.errors import GeometryError, InputError, SizeError, SpacemapWarning
 from spacemap_vtk.filters.textile_file import make_file_yarns
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.yarns import file_bytes
+from spacemap_vtk.jobs.data import compute_data
+from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.rods.curves import (
     Curve,
     CurveSet,
@@ -322,3 +325,37 @@ def test_files_that_are_no_yarns_are_refused(tmp_path, monkeypatch):
     refused(tg3, knit_tg3(), "too large for yarns", SizeError)
     with pytest.raises(InputError, match="no such file"):
         make_file_yarns(tmp_path / "none.bcc")
+
+
+def test_a_file_is_a_textile_with_its_figures(knit_file):
+    scene = Scene(
+        {"textile": {"kind": "file", "file": str(knit_file), "repeats": [2, 3], "color": "#102030"}}
+    )
+    with pytest.warns(SpacemapWarning, match="overlap by up to 0.419 of their diameter"):
+        scene.update()
+    colors = vtk_to_numpy(scene.patches.GetCellData().GetArray("color"))
+    assert np.unique(colors, axis=0).tolist() == [[16, 32, 48]]
+    figures = {each.key: each.value for each in scene.textile.figures}
+    assert (figures["cell_x"], figures["cell_y"]) == pytest.approx((1e-3, 1e-3))
+    # 2 x 3 loops in 3 yarns, with half the loops above the last course
+    assert scene.textile.yarn_diameters == pytest.approx(np.full(3, 2e-4))
+    low, high = np.reshape(scene.patches.GetBounds(), (3, 2)).T
+    assert high - low == pytest.approx([2e-3, 3.4e-3, 4e-4], abs=5e-5)
+    density = scene.textile.fibre_density * scene.textile.packing
+    mass = density * np.pi / 4 * 4e-8 * figures["yarn_length"] / 1e-6
+    assert figures["areal_mass"] == pytest.approx(mass)
+
+
+def test_centre_lines_of_a_knit_are_exported_and_read_again(tmp_path):
+    scene = Scene({"textile": {"wales": 2, "courses": 2}})
+    scene.update()
+    curves = compute_data(scene, "yarns", 0.0)
+    assert curves.widths == pytest.approx(np.full(2, 5e-4), rel=1e-3)
+    file = tmp_path / "a.bcc"
+    registry.writer(file, "yarns").write(file, curves)
+    found = make_file_yarns(file)
+    bounds = np.reshape(scene.patches.GetBounds(), (3, 2)).T
+    nodes = np.concatenate([yarn.points[1:-1] for yarn in found.yarns])
+    assert nodes.min(axis=0) == pytest.approx(bounds[0] + 2.5e-4, abs=5e-5)
+    assert nodes.max(axis=0) == pytest.approx(bounds[1] - 2.5e-4, abs=5e-5)
+    assert found.overlap < 0.02
