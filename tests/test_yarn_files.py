@@ -32,6 +32,7 @@ from spacemap_vtk.textile.rods.curves import (
 )
 from spacemap_vtk.textile.rods.knit import relax_knit
 from spacemap_vtk.textile.rods.yarns import Yarn, basis_functions
+from spacemap_vtk.textile.weave.yarn import COTTON, PACKING
 
 #: Points of a stitch of TexGen's weft knit, in mm, for its window's default values: wale height and
 #: course width 1, loop height 1.2, yarn thickness 0.2.
@@ -341,7 +342,7 @@ def test_a_file_is_a_textile_with_its_figures(knit_file):
     assert scene.textile.yarn_diameters == pytest.approx(np.full(3, 2e-4))
     low, high = np.reshape(scene.patches.GetBounds(), (3, 2)).T
     assert high - low == pytest.approx([2e-3, 3.4e-3, 4e-4], abs=5e-5)
-    density = scene.textile.fibre_density * scene.textile.packing
+    density = COTTON * PACKING
     mass = density * np.pi / 4 * 4e-8 * figures["yarn_length"] / 1e-6
     assert figures["areal_mass"] == pytest.approx(mass)
 
