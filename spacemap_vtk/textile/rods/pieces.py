@@ -56,8 +56,12 @@ def count_lines(yarns: Sequence[Yarn], cell: Floats, repeats: Sequence[int]) -> 
 
     Parameters
     ----------
-    yarns, cell, repeats
+    yarns : sequence of Yarn
         As for `repeat_yarns`.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors [m].
+    repeats : sequence of int, length 2
+        Number of cells along both.
 
     Returns
     -------
