@@ -135,6 +135,7 @@ class TextileKind(Parameterised):
             guess.cell,
             *guess.mechanics,
             guess.free,
+            str(guess.stages),
         )
         if (rest := recent(key)) is None:
             counts = np.cumsum([len(yarn.points) for yarn in guess.yarns])
