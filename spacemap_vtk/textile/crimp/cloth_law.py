@@ -53,10 +53,10 @@ from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Knots of beta(a), which is smooth but for corners at jams and where a yarn is straight.
-_LINE = GradedKnots(0.8, 0.05, 0.08)
+_LINE = GradedKnots(0.6, 0.05, 0.08, 0.015)
 #: Knots of the energy along a and b. Cloth under its own weight is strained by some 1e-5.
-_ALONG = GradedKnots(0.8, 1e-5, 0.2)
-_ACROSS = GradedKnots(0.8, 3e-7, 0.2)
+_ALONG = GradedKnots(0.6, 1e-5, 0.2, 0.015)
+_ACROSS = GradedKnots(0.6, 3e-7, 0.2, 0.015)
 #: Bisection steps that find the line of taut yarns.
 _BISECTIONS = 40
 #: Overlap beyond a jam at which its stiffness is complete.
