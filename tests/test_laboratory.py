@@ -16,6 +16,11 @@ from spacemap_vtk.laboratory import bending, biaxial, cantilever, drape, records
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
 from spacemap_vtk.laboratory.fabric import Fabric
 from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw, VanWykContact
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 from spacemap_vtk.units import parse_quantity
 
 #: A linear sheet: 1 along the weft, 2 along the warp.
@@ -163,14 +168,17 @@ def test_shear_figure_contains_the_pretension() -> None:
 )
 def test_every_test_states_what_it_prints(name: str) -> None:
     test = find_test(name)
+    if name == "compression":
+        with pytest.raises(InputError, match="whose yarns are known"):
+            test.measure(FABRIC)
+        return
     found = test.measure(FABRIC)
-    assert {reading.symbol for reading in found.readings} == set(test.prints.split(", "))
+    printed = set(test.prints.split(", ")) - {"B_rigid"}  # which only cloth from yarns has
+    assert {reading.symbol for reading in found.readings} == printed
     assert found.states is None or np.isfinite(found.states.displacements).all()
 
 
-def test_command_prints_figures_in_the_units_of_the_instrument(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_command_prints_the_figures(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["measure", "yarn_to_cloth", "--test", "cantilever", "--json"])
     assert ended.value.code == 0
@@ -242,3 +250,47 @@ def test_nodes_are_maxima_of_the_edge() -> None:
     for count in (4, 6, 7):
         assert drape.count_nodes(0.13 + 0.01 * np.cos(count * angle)) == count
     assert drape.count_nodes(np.full(96, 0.15)) == 0
+
+
+THREADS = Threads(diameter=0.167e-3, spacing=0.4e-3)
+CLOTH = Cloth(drawdown=[[1, 0], [0, 1]], warp=THREADS, weft=THREADS)
+
+
+def cotton(friction: float | None = None, law: ContactLaw | None = None) -> Fabric:
+    """Return a plain cotton of 20 tex with crossings that flatten."""
+    yarns = YarnMechanics((60.0, 60.0), 9.0, (1e-9, 1e-9), law=law or ContactLaw())
+    plate = cloth_stiffness(CLOTH, yarns)
+    return Fabric(plate, 0.3e-3, 0.1, "its yarns", CLOTH, yarns, friction)
+
+
+def test_friction_of_crossings_gives_its_couple_as_hysteresis() -> None:
+    """2HG5 = 2 M_f/(p1 p2), where crossings have slipped; the loop is closed."""
+    fabric = cotton(friction=0.05)
+    friction = shear.crossing_friction(fabric, 1)
+    found = find_test("shear").measure(fabric)
+    assert found.reading("2HG5", "warp").value == pytest.approx(2 * friction.limit, rel=1e-9)
+    curve = found.curves[0]
+    assert curve.x[0] == curve.x[-1] < 0.0
+    assert curve.y[0] == pytest.approx(curve.y[-1])
+    # Before it slips, the loop is that of a spring and a slider: its area is the work of friction.
+    slip = friction.limit / friction.stiffness
+    area = -float(np.sum(np.diff(curve.x) * (curve.y[1:] + curve.y[:-1]) / 2))
+    work = 4 * friction.limit * (radians(shear.LARGEST) - slip)
+    assert abs(area) == pytest.approx(work, rel=1e-2)  # corners lie between two points
+
+
+@pytest.mark.parametrize("law", [ContactLaw(), VanWykContact()])
+def test_compression_follows_the_law_of_contact(law: ContactLaw) -> None:
+    fabric = cotton(law=law)
+    found = find_test("compression").measure(fabric)
+    cell, rest = 0.4e-3**2, 2 * 0.167e-3
+    for symbol, pressure in (("T0", 0.5), ("Tm", 50.0)):
+        force = pressure * records.GF_PER_CM2.size * cell
+        if isinstance(law, VanWykContact):  # c (x^-3 - 1) = F with c = 2 k
+            share = (1 + force / 18.0) ** (-1 / 3)
+        else:  # 2 k (1 - x) = F
+            share = 1 - force / 18.0
+        expected = 0.3e-3 - rest * (1 - share)
+        assert found.reading(symbol).value == pytest.approx(expected, rel=1e-9)
+    assert found.reading("LC").value == pytest.approx(1.01 * 0.99 / 0.99, rel=0.02)
+    assert found.reading("RC").text == "not modelled"

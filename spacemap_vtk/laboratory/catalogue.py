@@ -77,7 +77,7 @@ TESTS = (
         "Pure bending",
         "KES-FB2",
         "20 cm x 1 cm, between clamps 1 cm apart, bent to ±2.5 per cm.",
-        "B, 2HB",
+        "B, B_rigid, 2HB",
     ),
     LaboratoryTest(
         "cantilever",
@@ -92,6 +92,13 @@ TESTS = (
         "Cusick's drapemeter, ISO 9073-9",
         "A round cloth of 30 cm, held between discs of 18 cm, hangs over their edge.",
         "DC, nodes",
+    ),
+    LaboratoryTest(
+        "compression",
+        "Compression",
+        "KES-FB3",
+        "A disc of 2 cm² presses the cloth from 0.5 to 50 gf/cm².",
+        "T0, Tm, LC, WC, RC",
     ),
 )
 
