@@ -299,7 +299,7 @@ def test_impossible_curves_are_refused(warp: Any, message: str) -> None:
     assert caught.value.key == "warp_curve"
 
 
-def hung(plate: Plate, cells: int = 6) -> tuple[Model, Any]:
+def hung(plate: Plate, cells: int = 4) -> tuple[Model, Any]:
     """A square of 20 cm that hangs from its top edge, and the displacement of its equilibrium."""
     points, tetrahedra = build_lattice((0, 0.2, 0, 0.2, 0, 3e-4), (cells, cells, 1))
     held = np.repeat(points[:, 1:2] > 0.2 - 1e-9, 3, axis=1)
