@@ -735,7 +735,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         assert cloth is not None
         figures = fabric_figures(cloth)
         crimp = min(figures[family]["mean_crimp"] for family in FAMILIES)
-        if crimp > 0.0 and self.law_in_use() == "linear":
+        if crimp > 0.0:
             add_number(output.GetFieldData(), LAW_CRIMP, crimp)
 
     def _check_obstacles(self, model: Model, output: vtkUnstructuredGrid, cell: float) -> None:
