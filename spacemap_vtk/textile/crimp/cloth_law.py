@@ -56,7 +56,7 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 _LINE = GradedKnots(0.6, 0.05, 0.08, 0.015)
 #: Knots of the energy along a and b. Cloth under its own weight is strained by some 1e-5.
 _ALONG = GradedKnots(0.6, 1e-5, 0.2, 0.015)
-_ACROSS = GradedKnots(0.6, 3e-7, 0.2, 0.015)
+_ACROSS = GradedKnots(0.6, 2e-8, 0.2, 0.015)
 #: Bisection steps that find the line of taut yarns.
 _BISECTIONS = 40
 #: Overlap beyond a jam at which its stiffness is complete.
