@@ -79,7 +79,7 @@ def _stroke(path: PathReactions) -> tuple[str, Floats]:
         np.cumsum(np.linalg.norm(np.diff(table, axis=0), axis=2), axis=0)
         for table in (path.moves, path.turns)
     )
-    moves, turns = (table.any(axis=0) for table in (lengths, angles))
+    moves, turns = (np.asarray(table.any(axis=0)) for table in (lengths, angles))
     first = int((moves | turns).argmax()) if len(moves) else 0
     if not (moves | turns).any() or (moves[first] and turns[first]):
         return "step on the path", np.arange(len(path.forces), dtype=np.float64)
