@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 #: Rotations beyond this angle [rad] stretch a line by more than 6 % in a linear motion.
-LARGE_ROTATION = math.radians(20.0)
+_LARGE_ROTATION = math.radians(20.0)
 #: Largest rotation [rad] up to which shapes rebuilt of a linear motion are accurate.
 TRUSTED_ROTATION = math.radians(35.0)
 
@@ -262,7 +262,7 @@ LIMITS: dict[str, Limit] = {
         assumes="displacements that are small against the cage",
         quantity="largest rotation of an element",
         found="the cage turns by up to {}",
-        most=LARGE_ROTATION,
+        most=_LARGE_ROTATION,
         unit="deg",
         basis="a line that turns by θ is stretched by 1/cos θ: 6 % at 20°",
         beyond="it stretches parts that turn",

@@ -71,7 +71,7 @@ _THICKNESS_STEP = 1.25
 #: Text of the link that switches the stage on; it uses the name from the list of stages.
 _SWITCH_ON_ROTATION = "switch on Rotation strain"
 #: End of a warning's first statement, which the status line shows.
-_STATEMENT_END = re.compile(r"[;:]|\. |, so that")
+_STATEMENT_END = re.compile(r"[;:]|\. |, so that|, but ")
 #: Most words of that statement in the status line.
 _MAX_WORDS = 16
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.applicability import LARGE_ROTATION, TRUSTED_ROTATION
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
 from spacemap_vtk.datasets.reactions import reactions_of
@@ -293,26 +293,25 @@ def report_last_motion(scene: Scene) -> dict[str, Any] | None:
         "largest_volume_change": found.volume,
         "period_factor": found.pendulum_period,
         "rebuilt": scene.stage("rotation") is not None,
-        "large": bool(found.rotation > LARGE_ROTATION),
+        "large": bool(found.rotation > LIMITS["rotation"].most),
     }
 
 
 def describe_motion(figures: dict[str, Any]) -> str:
     """Return the figures of `report_motion` as a sentence, with cures if they are out of range."""
-    text, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
+    angle = math.radians(figures["largest_rotation_deg"])
+    text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
     if not figures["rebuilt"]:
         text += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
         text += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
-        text += ": a section [rotation] removes the artificial stretch" if large else ""
-    if figures["largest_rotation_deg"] > math.degrees(TRUSTED_ROTATION):
-        text += (
-            f"; above {math.degrees(TRUSTED_ROTATION):.0f}° a linear motion has a wrong shape, "
-            "even with [rotation]: use [transient] instead of [response]"
-        )
-    if large and math.isfinite(figures["period_factor"]):
+    rebuilt = LIMITS["swing"]
+    limit = rebuilt if figures["rebuilt"] or angle > rebuilt.most else LIMITS["rotation"]
+    if angle > limit.most:
+        text += f"; {limit.model} is valid up to {limit.format(limit.most)}: {limit.cure}"
+    if figures["large"] and math.isfinite(figures["period_factor"]):
         text += (
             f"; a swing of this size takes {figures['period_factor']:.3g} times as long: "
-            "[transient] instead of [response] shows it"
+            "[transient] shows it"
         )
     return text
 
