@@ -136,8 +136,7 @@ class ModalResponse(LoadParameters, Stage):
             self.check_limit(
                 "contact",
                 1.0 / multiples[number],
-                found="the motion is {} as large as that at which the cage lifts off obstacle "
-                f"{number}",
+                found=f"the motion is {{}} of that at which the cage lifts off obstacle {number}",
             )
         gradients = modes.gradient.evaluate(moved)
         model = modes.model
