@@ -5,7 +5,7 @@
 **Tension.** W_c is the energy of crimp interchange per area
 (`spacemap_vtk.textile.crimp.interchange`), the mean over the crossings at equal stretch. Yarns pull
 as soon as they are taut; slack yarns have only their bending, whose resistance is smaller than that
-of taut ones by a factor of a hundred or more. It is what keeps the tangent of a slack sheet
+of taut ones by a factor of a hundred to a thousand. It is what keeps the tangent of a slack sheet
 positive, together with the sheet's bending stiffness. Where the yarns are jammed, the law
 continues with a spring as stiff as taut yarns.
 
@@ -25,9 +25,10 @@ it: W_c is a bicubic spline of
 
     a = (lambda_warp - lambda_weft)/2,    b = (lambda_warp + lambda_weft)/2 - 1 - beta(a),
 
-with beta(a) the line where the yarns become taut. The coefficients of the spline are the energies
-at the knots' averages (Schoenberg's spline, which is convex where the energies are). Therefore it
-has no curvature that the yarns do not have. It is C2, and its derivatives are exact.
+with beta(a) the line where yarns that do not stretch become taut. The spline is convex where the
+energy is (`spacemap_vtk.textile.crimp.graded_spline`). It is C2, and its derivatives are exact.
+What rounding off the kink adds to the stress at rest, of the order of 0.1 mN/m, is taken away.
+Cloth with many kinds of crossings, as of unequal yarns, is represented by a dozen of them.
 
 Sources: the balance of tensions in W_c is that of S. Kawabata, M. Niwa, H.
 Kawai, "The Finite-deformation Theory of Plain-weave Fabrics", J. Textile Inst. 64 (1973) 21; I. J.
