@@ -327,7 +327,7 @@ def test_reset_restores_every_default(open_scene: Any, scene: str) -> None:
             assert name not in window.document.values.get(section, {}), section
         part = window.document.scene.parts[section]
         for name, parameter in part.parameters.items():
-            assert getattr(part, name) == parameter.default, section
+            assert getattr(part, name) == parameter.default_for(of_object=False), section
 
 
 def test_parameter_without_effect_is_hidden_or_explained(open_scene: Any) -> None:
