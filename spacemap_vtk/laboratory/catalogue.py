@@ -58,6 +58,13 @@ class LaboratoryTest(NamedTuple):
 #: All tests in the order of the data sheet.
 TESTS = (
     LaboratoryTest(
+        "tensile",
+        "Tension",
+        "KES-FB1",
+        "20 cm x 5 cm between clamps 5 cm apart, with free sides, pulled to 500 gf/cm.",
+        "EMT, LT, WT",
+    ),
+    LaboratoryTest(
         "biaxial",
         "Biaxial tension",
         "KES-G2",

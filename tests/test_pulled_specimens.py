@@ -1,0 +1,64 @@
+"""Specimens between clamps, against closed forms of their own laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_laboratory import cotton
+
+from spacemap_vtk.laboratory import tensile
+from spacemap_vtk.laboratory.biaxial import tensile_readings
+from spacemap_vtk.laboratory.catalogue import find_test
+from spacemap_vtk.laboratory.fabric import Fabric
+from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.textile.crimp.cloth_law import cloth_law
+
+#: Stretch along weft and warp, and across [N/m]; shear [N/m].
+WEFT, WARP, ACROSS, SHEAR = 2000.0, 1500.0, 600.0, 50.0
+MEMBRANE = np.array([[WEFT, ACROSS, 0.0], [ACROSS, WARP, 0.0], [0.0, 0.0, SHEAR]])
+FABRIC = Fabric(Plate(MEMBRANE, np.diag([1e-5, 1e-5, 5e-6])), 4e-4, 0.15)
+
+
+@pytest.mark.parametrize(
+    ("size", "modulus"),
+    [
+        # Clamps hold the width of a wide specimen; a long one becomes narrower.
+        ((1.0, 0.02), WARP),
+        ((0.005, 0.2), WARP - ACROSS**2 / WEFT),
+    ],
+)
+def test_wide_and_long_specimens_have_the_moduli_of_held_and_free_widths(
+    size: tuple[float, float], modulus: float
+) -> None:
+    """Green's strain e + e²/2 gives the force per width E (1 + e)(e + e²/2)."""
+    extension, force, _ = tensile.pull_strip(FABRIC, 1, size, (6, 6))
+    e = extension[5]
+    assert force[5] == pytest.approx(modulus * (1 + e) * (e + e**2 / 2), rel=6e-3)
+
+
+def test_free_sides_let_cloth_extend_twice_as_far_as_a_held_width() -> None:
+    """A trial with the same yarns: 2.8 %, LT 0.48, where a held width has 1.35 % and 0.97."""
+    fabric = cotton()
+    assert fabric.cloth is not None
+    assert fabric.yarns is not None
+    law = cloth_law(fabric.cloth, fabric.yarns)
+    fabric = replace(fabric, plate=replace(fabric.plate, law=law))
+    found = tensile.end_at_largest(*tensile.pull_strip(fabric, 1, cells=(8, 4))[:2])
+    stretch, linearity, _ = tensile_readings("warp", *found)
+    assert stretch.value == pytest.approx(0.028, rel=0.08)
+    assert linearity.value == pytest.approx(0.48, rel=0.15)
+
+
+@pytest.mark.nightly
+def test_states_of_the_whole_specimen_are_symmetric() -> None:
+    found = find_test("tensile").measure(FABRIC)
+    states = found.states
+    assert states is not None
+    last = states.points + states.displacements[-1]
+    np.testing.assert_allclose(last[:, :2].mean(axis=0), 0, atol=1e-12)
+    stretch = np.ptp(last[:, 1]) / tensile.LENGTH - 1
+    assert stretch == pytest.approx(states.marks[-1, 0], rel=1e-9)
+    # Warp and weft: the stiffer one extends less.
+    assert found.reading("EMT", "weft").value < found.reading("EMT", "warp").value
