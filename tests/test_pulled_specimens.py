@@ -16,7 +16,7 @@ from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.textile.crimp.cloth_law import cloth_law
 
 #: Stretch along weft and warp, and across [N/m]; shear [N/m].
-WEFT, WARP, ACROSS, SHEAR = 2000.0, 1500.0, 600.0, 50.0
+WEFT, WARP, ACROSS, SHEAR = 2000.0, 1500.0, 600.0, 500.0
 MEMBRANE = np.array([[WEFT, ACROSS, 0.0], [ACROSS, WARP, 0.0], [0.0, 0.0, SHEAR]])
 FABRIC = Fabric(Plate(MEMBRANE, np.diag([1e-5, 1e-5, 5e-6])), 4e-4, 0.15)
 
