@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from test_laboratory import cotton
 
-from spacemap_vtk.laboratory import tensile
+from spacemap_vtk.laboratory import frame, tensile
 from spacemap_vtk.laboratory.biaxial import tensile_readings
 from spacemap_vtk.laboratory.catalogue import find_test
 from spacemap_vtk.laboratory.fabric import Fabric
@@ -49,6 +50,16 @@ def test_free_sides_let_cloth_extend_twice_as_far_as_a_held_width() -> None:
     stretch, linearity, _ = tensile_readings("warp", *found)
     assert stretch.value == pytest.approx(0.028, rel=0.08)
     assert linearity.value == pytest.approx(0.48, rel=0.15)
+
+
+def test_frame_measures_the_shear_stress_of_the_law() -> None:
+    """Without stretch F_s/L is the second Piola-Kirchhoff shear stress at 2 e_12 = sin γ."""
+    angles = np.radians([0.0, 10.0, 20.0, 30.0, 45.0])
+    force, states = frame.shear_in_frame(FABRIC, angles)
+    np.testing.assert_allclose(force, SHEAR * np.sin(angles), rtol=1e-9, atol=1e-12)
+    last = (states.points + states.displacements[-1])[:, :2]
+    diagonal = np.ptp(last @ [1, 1]) / 2**0.5
+    assert diagonal == pytest.approx(2 * frame.SIDE * math.cos(math.pi / 8), rel=1e-12)
 
 
 @pytest.mark.nightly

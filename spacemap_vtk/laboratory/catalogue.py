@@ -80,6 +80,13 @@ TESTS = (
         "G, 2HG, 2HG5",
     ),
     LaboratoryTest(
+        "frame",
+        "Picture frame",
+        "picture frame",
+        "A square of 20 cm, clamped along its yarns in a hinged frame, is sheared to 45°.",
+        "Fs",
+    ),
+    LaboratoryTest(
         "bending",
         "Pure bending",
         "KES-FB2",
