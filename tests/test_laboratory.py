@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from math import cos, inf, pi, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 from scipy.integrate import solve_bvp
 
@@ -23,6 +25,8 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 from spacemap_vtk.units import parse_quantity
 
+#: Tests whose specimen is not filmed.
+WITHOUT_FILM = ("drape", "compression")
 #: A linear sheet: 1 along the weft, 2 along the warp.
 PLATE = Plate(
     np.array([[4000.0, 600.0, 0.0], [600.0, 6000.0, 0.0], [0.0, 0.0, 30.0]]),
@@ -294,3 +298,25 @@ def test_compression_follows_the_law_of_contact(law: ContactLaw) -> None:
         assert found.reading(symbol).value == pytest.approx(expected, rel=1e-9)
     assert found.reading("LC").value == pytest.approx(1.01 * 0.99 / 0.99, rel=0.02)
     assert found.reading("RC").text == "not modelled"
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", [test.name for test in TESTS if test.name not in WITHOUT_FILM])
+def test_film_shows_the_specimen_and_the_curve(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "film.gif"
+    words = ["measure", "yarn_to_cloth", "--test", name, "--size", "320x180", "-q", "-o", str(file)]
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 0
+    with PIL.Image.open(file) as film:
+        frames = [np.asarray(film.convert("RGB"), float) for _ in _seek(film)]
+    assert len(frames) == 80
+    change = np.abs(frames[len(frames) // 3] - frames[0]).max(axis=2)
+    assert (change[:, :186] > 30).any()  # the specimen moves
+    assert (change[:, 186:] > 30).any()  # so does the point on the curve
+
+
+def _seek(film: PIL.Image.Image) -> Iterator[None]:
+    for number in range(getattr(film, "n_frames", 1)):
+        film.seek(number)
+        yield
