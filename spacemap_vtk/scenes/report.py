@@ -165,7 +165,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         "tetrahedra": grid.GetNumberOfCells(),
         "dof": cage.model.pencil.size,
         **report_sheet(sheet_of(grid)),
-        **report_bending(scene),
+        **report_law(scene, sheet_of(grid) is not None),
         "mass": float(cage.nodal_mass.sum()),
         "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
@@ -254,14 +254,19 @@ def report_sheet(sheet: DataSheet | None) -> dict[str, Any]:
     }
 
 
-def report_bending(scene: Scene) -> dict[str, Any]:
-    """Return the bounds of the bending rigidity of a sheet from yarns, along warp and weft."""
+def report_law(scene: Scene, sheet: bool) -> dict[str, Any]:
+    """Return the law of a sheet, and bounds of its bending if it is made from yarns."""
     woven, solver = scene.woven, scene.stage("solver")
-    if woven is None or not isinstance(solver, ModalSolver) or solver.material != WOVEN:
+    if not isinstance(solver, ModalSolver) or not sheet:
         return {}
+    found: dict[str, Any] = {"law": solver.law_in_use()}
+    if woven is None or solver.material != WOVEN:
+        return found
     yarns = solver.yarns
     known = yarns.yarns(woven.cloth) if isinstance(yarns, YarnParameters) else yarns
-    return {} if known is None else {"bending_bounds": bending_bounds(woven.cloth, known)._asdict()}
+    if known is not None:
+        found["bending_bounds"] = bending_bounds(woven.cloth, known)._asdict()
+    return found
 
 
 def report_motion(scene: Scene) -> dict[str, Any] | None:
@@ -388,7 +393,8 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if yarns_fit and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
         scene.update_stage(made)
         with add_section_to_errors(solver.section):
-            figures |= report_sheet(solver.sheet_figures(made.output)) | report_bending(scene)
+            sheet = solver.sheet_figures(made.output)
+            figures |= report_sheet(sheet) | report_law(scene, sheet is not None)
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
                 if solver.is_hung:

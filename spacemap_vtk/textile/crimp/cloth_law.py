@@ -28,7 +28,7 @@ it: W_c is a bicubic spline of
 with beta(a) the line where yarns that do not stretch become taut. The spline is convex where the
 energy is (`spacemap_vtk.textile.crimp.graded_spline`). It is C2, and its derivatives are exact.
 What rounding off the kink adds to the stress at rest, of the order of 0.1 mN/m, is taken away.
-Cloth with many kinds of crossings, as of unequal yarns, is represented by a dozen of them.
+Cloth with many kinds of crossings, as of unequal yarns, is represented by six of them.
 
 Sources: the balance of tensions in W_c is that of S. Kawabata, M. Niwa, H.
 Kawai, "The Finite-deformation Theory of Plain-weave Fabrics", J. Textile Inst. 64 (1973) 21; I. J.
@@ -66,7 +66,7 @@ _JAM_TOE = 0.02
 _FIRM = 0.1
 
 #: Number of kinds of crossings that are distinguished.
-_KINDS = 12
+_KINDS = 6
 #: Tables of the last cloths, and their number.
 _recent: dict[str, tuple[Floats, Floats]] = {}
 _KEPT = 4
