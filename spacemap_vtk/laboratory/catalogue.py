@@ -62,7 +62,7 @@ TESTS = (
         "Tension",
         "KES-FB1",
         "20 cm x 5 cm between clamps 5 cm apart, with free sides, pulled to 500 gf/cm.",
-        "EMT, LT, WT",
+        "EMT, LT, WT, RT",
     ),
     LaboratoryTest(
         "biaxial",
@@ -70,7 +70,7 @@ TESTS = (
         "KES-G2",
         "A square is pulled to 500 gf/cm: along warp and weft alike, and along one of them while "
         "the other keeps its width.",
-        "EMT, LT, WT",
+        "EMT, LT, WT, RT",
     ),
     LaboratoryTest(
         "shear",

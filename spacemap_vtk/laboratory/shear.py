@@ -47,6 +47,8 @@ PRETENSION = 10.0 * GF_PER_CM.size
 LARGEST, SLOPE_FROM, SLOPE_TO, HYSTERESIS, HYSTERESIS_5 = 8.0, 0.5, 2.5, 0.5, 5.0
 #: Size of the specimen across and along the pretension [m].
 WIDTH, LENGTH = 0.20, 0.05
+#: Side of the part that a film shows [m]; its state is uniform.
+PART = 0.015
 #: First and largest stretch at which the pretension is sought, and steps that bisect its range.
 _FIRST, _LARGEST_STRETCH, _BISECTIONS = 1e-3, 2.0, 45
 _NO_FRICTION = "the friction of crossings is not given (yarns.friction)"
@@ -185,7 +187,7 @@ def _shear_specimen(fabric: Fabric, curve: Curve, count: int = 61) -> States:
     back = np.interp(angles, curve.x[: -half - 1 : -1], curve.y[: -half - 1 : -1])
     back = there if half == len(curve.x) else back
     return map_sheet(
-        (0.4 * LENGTH, LENGTH),  # a tenth of its width
+        (PART, PART),
         fabric.thickness,
         (4, 4),
         [partial(_sheared, angle=angle) for angle in angles],
