@@ -80,6 +80,13 @@ TESTS = (
         "G, 2HG, 2HG5",
     ),
     LaboratoryTest(
+        "bias",
+        "Bias extension",
+        "FAST-3, bias extension",
+        "10 cm x 5 cm between clamps, cut at 45°, pulled by 14 %.",
+        "EB5, G, γ",
+    ),
+    LaboratoryTest(
         "frame",
         "Picture frame",
         "picture frame",
