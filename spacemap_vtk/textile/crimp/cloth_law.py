@@ -16,7 +16,8 @@ w/(p lambda). Beyond that angle they press on each other with
     psi = sum over k of l_k/(p1 p2) K x_k³/3,    x_k = max(0, w_k - p_k lambda cos gamma)/w_k,
 
 where l_k is the length of yarn in a cell of p1 times p2, and K a yarn's stiffness EA: so hard that
-yarns overlap by a percent of their width at most, and soft enough for Newton's method.
+yarns overlap by one or two percent of their width under the loads of cloth, and soft enough for
+Newton's method.
 
 **Table.** W_c has a kink in its tangent where the yarns become taut. This happens on a line in the
 plane of the stretches, along which cloth exchanges crimp almost without force, so that it must not
