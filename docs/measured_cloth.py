@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw, VanWykContact
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
-from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.crimp.stiffness import bending_bounds, cloth_stiffness
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.figures import fabric_figures
 from spacemap_vtk.textile.weave.threads import Threads
@@ -44,6 +45,10 @@ FIBRES = {
     "worsted": (2.3e6, 0.50e-6),
     "linen": (18.0e6, 0.25e-6),
 }
+#: Loss of thickness of a cotton yarn between plates, and force [N]: means of four samples of the
+#: data of K. Singal and others, github.com/sabetta/stitch-by-stitch (MIT), less the give of the
+#: machine, which is the slope above 2 N.
+PRESSED = ((0.14, 0.01), (0.30, 0.05), (0.37, 0.1), (0.43, 0.2), (0.49, 0.5), (0.53, 1.0))
 #: Setts of cloth for clothing, beside the usual ones of the library's yarns [1/m].
 CLOTHING = {"20 tex cotton": 2500.0, "15 tex cotton": 3000.0, "30 tex cotton": 2000.0}
 #: Shear rigidity of measured woven fabrics: C33/2 of `FABRICS`.
@@ -62,6 +67,8 @@ class Prediction(NamedTuple):
     """Bending rigidity of the yarn whose fibres slide freely [N m²]."""
     free: float
     """Bending rigidity of the cloth of such yarns [N m]."""
+    rigid: float
+    """The same if the yarns stick to those that they cross [N m]."""
     shear: float
     """Shear rigidity of the cloth of such yarns [N/m]."""
 
@@ -88,13 +95,11 @@ def predict(name: str, sett: float) -> Prediction:
     cloth = Cloth(drawdown=[[1, 0], [0, 1]], warp=threads, weft=threads, density=yarn.bulk_density)
     bending = free_fibre_rigidity(yarn)
     stretching = FIBRES[yarn.name.split()[-1]][0] * yarn.linear_density
-    plate = cloth_stiffness(
-        cloth, YarnMechanics((stretching, stretching), stretching / 10, (bending, bending))
-    )
+    yarns = YarnMechanics((stretching, stretching), stretching / 10, (bending, bending))
+    bounds = bending_bounds(cloth, yarns)
+    shear = float(cloth_stiffness(cloth, yarns).membrane[2, 2])
     mass = fabric_figures(cloth)["areal_mass"]
-    return Prediction(
-        yarn.name, sett, mass, bending, float(plate.bending[0, 0]), float(plate.membrane[2, 2])
-    )
+    return Prediction(yarn.name, sett, mass, bending, bounds.free[0], bounds.rigid[0], shear)
 
 
 def predictions() -> list[Prediction]:
@@ -121,9 +126,29 @@ def table_of_predictions() -> list[str]:
     """Return the rows of the table of predictions."""
     return [
         f"| {each.name} | {each.sett / 100:.1f} | {1e3 * each.mass:.0f} | {1e9 * each.yarn:.2f} | "
-        f"{1e6 * each.free:.2f} | {1e6 * each.measured:.1f} | {each.measured / each.free:.1f} | "
-        f"{each.shear:.1f} |"
+        f"{1e6 * each.free:.2f} | {1e6 * each.rigid:.2f} | {1e6 * each.measured:.1f} | "
+        f"{each.measured / each.free:.1f} | {each.shear:.1f} |"
         for each in predictions()
+    ]
+
+
+def table_of_pressing() -> list[str]:
+    """Return the rows of the table of a pressed yarn: for each law, its constant at each point.
+
+    A law is right if its constant is one number.
+    """
+    loss, force = np.array(PRESSED).T
+    linear, van_wyk = (
+        force / -law.evaluate(1 - loss)[1] for law in (ContactLaw(), VanWykContact())
+    )
+    rows = {
+        "force, mN": 1e3 * force,
+        "loss of thickness, %": 100 * loss,
+        "force over loss, mN (linear law)": 1e3 * linear,
+        "force over x⁻³ - 1, mN (van Wyk)": 1e3 * van_wyk,
+    }
+    return [
+        f"| {name} | " + " | ".join(f"{v:.0f}" for v in row) + " |" for name, row in rows.items()
     ]
 
 
@@ -185,5 +210,5 @@ def draw(file: Path) -> None:
 
 
 if __name__ == "__main__":
-    print("\n".join([*table_of_fabrics(), "", *table_of_predictions()]))
+    print("\n".join([*table_of_fabrics(), "", *table_of_predictions(), "", *table_of_pressing()]))
     draw(Path(__file__).with_suffix(".png"))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.barycentric_warp import BarycentricWarp as BarycentricWarp
     from spacemap_vtk.filters.base import connect as connect
     from spacemap_vtk.filters.crimp_interchange import CrimpInterchange as CrimpInterchange
+    from spacemap_vtk.filters.error_estimates import estimate_errors as estimate_errors
     from spacemap_vtk.filters.layer_contact import LayerContact as LayerContact
     from spacemap_vtk.filters.modal_response import ModalResponse as ModalResponse
     from spacemap_vtk.filters.modal_solver import ModalSolver as ModalSolver
@@ -49,7 +50,13 @@ FILTERS = {
     "PatchTessellator": "spacemap_vtk.filters.patch_tessellator",
 }
 
-__all__ = ["SpacemapWarning", "connect", *FILTERS]
+#: The functions that are imported from here, and their modules.
+_FUNCTIONS = {
+    "connect": "spacemap_vtk.filters.base",
+    "estimate_errors": "spacemap_vtk.filters.error_estimates",
+}
+
+__all__ = ["SpacemapWarning", *_FUNCTIONS, *FILTERS]
 
 
 def __dir__() -> list[str]:
@@ -57,7 +64,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> object:
-    module = {**FILTERS, "connect": "spacemap_vtk.filters.base"}.get(name)
+    module = {**FILTERS, **_FUNCTIONS}.get(name)
     if module is not None:
         return getattr(importlib.import_module(module), name)
     # With name and obj, Python suggests the name that may have been meant.

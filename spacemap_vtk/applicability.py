@@ -12,7 +12,7 @@ import math
 from typing import Any, NamedTuple
 
 #: Rotations beyond this angle [rad] stretch a line by more than 6 % in a linear motion.
-LARGE_ROTATION = math.radians(20.0)
+_LARGE_ROTATION = math.radians(20.0)
 #: Largest rotation [rad] up to which shapes rebuilt of a linear motion are accurate.
 TRUSTED_ROTATION = math.radians(35.0)
 
@@ -182,8 +182,8 @@ LIMITS: dict[str, Limit] = {
         basis="clamped strips that hang, 4 and 7.3 bending lengths long: their ends are wrong by "
         "0.5 to 2 % of the length at 60°, 2 to 5 % at 90° (`tests/test_applicability.py`)",
         beyond="it bends too softly in this fold",
-        cure="increase cage.divisions, so that cells are narrower than a third of the bending "
-        "length",
+        cure="leave out cage.divisions, or increase them, so that cells are narrower than a third "
+        "of the bending length",
     ),
     "lean": Limit(
         stage="modal",
@@ -247,9 +247,9 @@ LIMITS: dict[str, Limit] = {
         model="contact at samples of the cells",
         assumes="obstacles that are wide compared with a cell",
         quantity="width of a cell over the half width of an obstacle that it touches",
-        found="cells are {} as wide as half of an obstacle that they touch",
+        found="the width of a cell is {} of half that of an obstacle that it touches",
         most=1.0,
-        unit="times",
+        unit="%",
         basis="strips over rods: their ends hang up to 20 % too far apart where cells are as wide "
         "as the radius, and 40 % at twice that; the rod enters the sheet by 9 and 43 % of its "
         "radius (`tests/test_applicability.py`)",
@@ -262,7 +262,7 @@ LIMITS: dict[str, Limit] = {
         assumes="displacements that are small against the cage",
         quantity="largest rotation of an element",
         found="the cage turns by up to {}",
-        most=LARGE_ROTATION,
+        most=_LARGE_ROTATION,
         unit="deg",
         basis="a line that turns by θ is stretched by 1/cos θ: 6 % at 20°",
         beyond="it stretches parts that turn",
@@ -273,9 +273,9 @@ LIMITS: dict[str, Limit] = {
         model="a linear motion about a state in contact",
         assumes="that what touches at rest stays in touch, and nothing else touches",
         quantity="displacement over that at which contact with an obstacle first opens",
-        found="the motion is {} as large as that at which the cage lifts off an obstacle",
+        found="the motion is {} of that at which the cage lifts off an obstacle",
         most=1.0,
-        unit="times",
+        unit="%",
         basis="force of contact that becomes a pull, spread over a cell "
         "(`spacemap_vtk.mechanics.contact.opening`)",
         beyond="it holds what would lift off",
@@ -387,9 +387,9 @@ LIMITS: dict[str, Limit] = {
         model="a weave in a sheared cage",
         assumes="neighbouring yarns that do not touch",
         quantity="angle of shear over that at which neighbours of one family touch",
-        found="the cloth is sheared {} as far as its yarns allow",
+        found="the cloth is sheared to {} of the angle that its yarns allow",
         most=1.0,
-        unit="times",
+        unit="%",
         basis="cos γ = width/spacing",
         beyond="neighbouring yarns overlap",
         cure="raise modal.shear_rigidity, or lower the loads",

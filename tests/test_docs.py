@@ -18,6 +18,7 @@ GUIDES = Path(__file__).parents[1] / "docs" / "how-to"
 RUN = (
     *("choose_a_material", "support_load_and_damp", "hang_cloth", "move_far"),
     "let_cloth_meet_things",
+    "grip_and_pull",
 )
 TEXT = "\n".join((GUIDES / f"{name}.md").read_text("utf-8") for name in RUN)
 PLANS = (GUIDES / "plan_a_project.md").read_text("utf-8")

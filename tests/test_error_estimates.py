@@ -13,6 +13,7 @@ import pyvista as pv
 
 from spacemap_vtk import ModalSolver, TetraCage, connect
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.reactions import reactions_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.error_estimates import ErrorEstimates, estimate_errors
 from spacemap_vtk.mechanics.modal.convergence import estimate_error, match_modes
@@ -114,12 +115,55 @@ def test_block_of_tetrahedra_is_within_the_stated_error():
         return solver
 
     found = estimate_errors(cantilever(9, 3, 3))
-    fine = cantilever(24, 8, 8).update().output.GetFieldData().GetArray("frequencies")
+    fine = cantilever(18, 6, 6).update().output.GetFieldData().GetArray("frequencies")
     exact = np.array([fine.GetValue(k) for k in range(3)])
     errors = found.modes.frequencies / exact - 1
     stated = np.array([each.error for each in found.frequencies])
     assert (errors < stated).all()
     assert (stated < 4 * errors + 0.02).all()
+
+
+def twisted_strip(cells: tuple[int, int]) -> ErrorEstimates:
+    """Turn the end of a strip of 200 x 20 mm by 90 degrees, and hold its length."""
+    solver = ModalSolver(
+        elements="sheet",
+        modes=1,
+        fixed="-x",
+        grips=[{"place": "+x", "center": [0.2, 0.0, 1e-4], "turns": [["90 deg", 0, 0]]}],
+        tensile_rigidity=2e3,
+        shear_rigidity=1e3,
+        poissons_ratio_in_plane=0.0,
+        bending_rigidity=2e-5,
+        twisting_rigidity=1e-5,
+        areal_mass=0.1,
+        path_steps=4,
+    )
+    box = pv.Box((0.0, 0.2, -0.01, 0.01, 0.0, 2e-4))
+    connect(box, TetraCage(divisions=(*cells, 1)), solver)
+    return estimate_errors(solver)
+
+
+@pytest.mark.parametrize(
+    "cells", [(20, 2), pytest.param((40, 4), marks=pytest.mark.nightly)], ids=str
+)
+def test_moment_of_a_helicoid_is_within_the_stated_error(cells):
+    """Fibres at x are stretched by x² θ²/2, with θ the twist per length: Wagner's effect."""
+    found = twisted_strip(cells)
+    twist, width = math.pi / 2 / 0.2, 0.02
+    pull = 2e3 * twist**2 * width**3 / 24
+    moment = 4e-5 * width * twist + 2e3 * twist**3 * width**5 / 160
+    forces, moments = zip(
+        *(
+            (abs(grip.force[0]), abs(grip.moment[0]))
+            for grip in (reactions_of(s.output)[-1] for s in (found.solver, found.coarse_solver))
+        ),
+        strict=True,
+    )
+    # Ends that are held flat add a few per cent to the moment.
+    assert forces[0] == pytest.approx(pull, rel=0.015)
+    assert found.compare(*forces).converged
+    assert not found.compare(*moments).converged
+    assert abs(moments[0] - 1.03 * moment) < found.compare(*moments).error
 
 
 @pytest.mark.parametrize("cells", [6, 12])
@@ -136,6 +180,7 @@ def test_cloth_hung_by_two_corners_in_wide_cells_is_not_converged(cells):
     assert "increase cage.divisions, for example to [" in warning
 
 
+@pytest.mark.nightly
 def test_drape_coefficient_has_an_error_that_covers_finer_cells():
     scene = Scene.read("drape")
     scene.set("cage.divisions=[10, 12, 1]")
@@ -147,11 +192,12 @@ def test_drape_coefficient_has_an_error_that_covers_finer_cells():
 
 
 def test_a_flat_hanging_cloth_needs_no_cells_for_folds():
-    scene = Scene.read("yarn_tension")
-    scene.set("modal.modes=3")
+    """Its cells are three bending lengths wide."""
+    modal = {**CORNERS["modal"], "fixed": "+y", "modes": 3}
+    scene = Scene({**CORNERS, "modal": modal, "cage": {"divisions": [12, 12, 1]}})
     figures = report_modes(scene, True)
     assert [mode["converged"] for mode in figures["modes"]] == [True] * 3
-    assert figures["hung"]["sag_error"] < 0.02 * figures["hung"]["sag"]
+    assert figures["hung"]["sag_error"] < 0.05 * figures["hung"]["sag"]
 
 
 def test_cages_without_a_coarser_one_are_refused(tmp_path: Path):

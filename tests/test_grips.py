@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.reactions import path_reactions_of, reactions_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.transient_response import TransientResponse
+from spacemap_vtk.jobs import ReactionsJob
 from spacemap_vtk.mechanics.boundary.grips import Grip, GripMotion, held_by, make_grip
 from spacemap_vtk.mechanics.boundary.reactions import Reaction, find_bearings
 from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction, harmonic, step, table
@@ -275,3 +277,19 @@ def test_scene_moves_a_grip_in_time(tmp_path: Path) -> None:
     support, grip = reactions_of(cage)
     assert (support.kind, grip.kind) == ("support", "grip")
     assert abs(grip.force).max() > 0
+
+
+def test_reactions_are_tabulated_over_the_stroke(tmp_path: Path) -> None:
+    """The abscissa is the stroke of the grip, and the force that of its last state."""
+    (tmp_path / "strip.toml").write_text(SCENE, encoding="utf-8")
+    scene = Scene.read(tmp_path / "strip.toml")
+    ReactionsJob(tmp_path / "forces.csv").run(scene)
+    with (tmp_path / "forces.csv").open(encoding="utf-8") as file:
+        heading, *rows = csv.reader(line for line in file if not line.startswith("#"))
+    assert heading[0] == "stroke [mm]"
+    np.testing.assert_allclose([float(row[0]) for row in rows], np.linspace(0, 0.2, 9), atol=1e-9)
+    column = heading.index("grip +y force y [N]")
+    _, grip = reactions_of(scene.modal.output)
+    assert float(rows[-1][column]) == pytest.approx(grip.force[1])
+    with pytest.raises(InputError, match="time steps"):
+        ReactionsJob(tmp_path / "forces.csv", "time").run(scene)

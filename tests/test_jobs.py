@@ -161,6 +161,7 @@ def test_the_record_states_the_times_of_the_output(tmp_path: Path) -> None:
         ("a.glb", {"what": "modes", "subdivisions": 2}),
         ("a.pdf", {"what": "plot", "point": [0.0, 0.1, 0.2], "quantity": "velocity"}),
         ("a.csv", {"what": "biaxial"}),
+        ("a.csv", {"what": "reactions", "over": "stroke"}),
         (
             "a.pdf",
             {"what": "figure", "panels": ["draft"], "page": {"end": 0, "width": 88.0, "dpi": 96}},

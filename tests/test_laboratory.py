@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from math import cos, inf, pi, radians, sin, tan
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 from scipy.integrate import solve_bvp
 
@@ -16,8 +18,15 @@ from spacemap_vtk.laboratory import bending, biaxial, cantilever, drape, records
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
 from spacemap_vtk.laboratory.fabric import Fabric
 from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.textile.crimp.contact_law import ContactLaw, VanWykContact
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
+from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.weave.cloth import Cloth
+from spacemap_vtk.textile.weave.threads import Threads
 from spacemap_vtk.units import parse_quantity
 
+#: Tests whose specimen is not filmed.
+WITHOUT_FILM = ("drape", "compression")
 #: A linear sheet: 1 along the weft, 2 along the warp.
 PLATE = Plate(
     np.array([[4000.0, 600.0, 0.0], [600.0, 6000.0, 0.0], [0.0, 0.0, 30.0]]),
@@ -163,14 +172,17 @@ def test_shear_figure_contains_the_pretension() -> None:
 )
 def test_every_test_states_what_it_prints(name: str) -> None:
     test = find_test(name)
+    if name == "compression":
+        with pytest.raises(InputError, match="whose yarns are known"):
+            test.measure(FABRIC)
+        return
     found = test.measure(FABRIC)
-    assert {reading.symbol for reading in found.readings} == set(test.prints.split(", "))
+    printed = set(test.prints.split(", ")) - {"B_rigid"}  # which only cloth from yarns has
+    assert {reading.symbol for reading in found.readings} == printed
     assert found.states is None or np.isfinite(found.states.displacements).all()
 
 
-def test_command_prints_figures_in_the_units_of_the_instrument(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_command_prints_the_figures(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["measure", "yarn_to_cloth", "--test", "cantilever", "--json"])
     assert ended.value.code == 0
@@ -242,3 +254,69 @@ def test_nodes_are_maxima_of_the_edge() -> None:
     for count in (4, 6, 7):
         assert drape.count_nodes(0.13 + 0.01 * np.cos(count * angle)) == count
     assert drape.count_nodes(np.full(96, 0.15)) == 0
+
+
+THREADS = Threads(diameter=0.167e-3, spacing=0.4e-3)
+CLOTH = Cloth(drawdown=[[1, 0], [0, 1]], warp=THREADS, weft=THREADS)
+
+
+def cotton(friction: float | None = None, law: ContactLaw | None = None) -> Fabric:
+    """Return a plain cotton of 20 tex with crossings that flatten."""
+    yarns = YarnMechanics((60.0, 60.0), 9.0, (1e-9, 1e-9), law=law or ContactLaw())
+    plate = cloth_stiffness(CLOTH, yarns)
+    return Fabric(plate, 0.3e-3, 0.1, "its yarns", CLOTH, yarns, friction)
+
+
+def test_friction_of_crossings_gives_its_couple_as_hysteresis() -> None:
+    """2HG5 = 2 M_f/(p1 p2), where crossings have slipped; the loop is closed."""
+    fabric = cotton(friction=0.05)
+    friction = shear.crossing_friction(fabric, 1)
+    found = find_test("shear").measure(fabric)
+    assert found.reading("2HG5", "warp").value == pytest.approx(2 * friction.limit, rel=1e-9)
+    curve = found.curves[0]
+    assert curve.x[0] == curve.x[-1] < 0.0
+    assert curve.y[0] == pytest.approx(curve.y[-1])
+    # Before it slips, the loop is that of a spring and a slider: its area is the work of friction.
+    slip = friction.limit / friction.stiffness
+    area = -float(np.sum(np.diff(curve.x) * (curve.y[1:] + curve.y[:-1]) / 2))
+    work = 4 * friction.limit * (radians(shear.LARGEST) - slip)
+    assert abs(area) == pytest.approx(work, rel=1e-2)  # corners lie between two points
+
+
+@pytest.mark.parametrize("law", [ContactLaw(), VanWykContact()])
+def test_compression_follows_the_law_of_contact(law: ContactLaw) -> None:
+    fabric = cotton(law=law)
+    found = find_test("compression").measure(fabric)
+    cell, rest = 0.4e-3**2, 2 * 0.167e-3
+    for symbol, pressure in (("T0", 0.5), ("Tm", 50.0)):
+        force = pressure * records.GF_PER_CM2.size * cell
+        if isinstance(law, VanWykContact):  # c (x^-3 - 1) = F with c = 2 k
+            share = (1 + force / 18.0) ** (-1 / 3)
+        else:  # 2 k (1 - x) = F
+            share = 1 - force / 18.0
+        expected = 0.3e-3 - rest * (1 - share)
+        assert found.reading(symbol).value == pytest.approx(expected, rel=1e-9)
+    assert found.reading("LC").value == pytest.approx(1.01 * 0.99 / 0.99, rel=0.02)
+    assert found.reading("RC").text == "not modelled"
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", [test.name for test in TESTS if test.name not in WITHOUT_FILM])
+def test_film_shows_the_specimen_and_the_curve(name: str, tmp_path: Path) -> None:
+    file = tmp_path / "film.gif"
+    words = ["measure", "yarn_to_cloth", "--test", name, "--size", "320x180", "-q", "-o", str(file)]
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 0
+    with PIL.Image.open(file) as film:
+        frames = [np.asarray(film.convert("RGB"), float) for _ in _seek(film)]
+    assert len(frames) == 80
+    change = np.abs(frames[len(frames) // 3] - frames[0]).max(axis=2)
+    assert (change[:, :186] > 30).any()  # the specimen moves
+    assert (change[:, 186:] > 30).any()  # so does the point on the curve
+
+
+def _seek(film: PIL.Image.Image) -> Iterator[None]:
+    for number in range(getattr(film, "n_frames", 1)):
+        film.seek(number)
+        yield

@@ -25,6 +25,7 @@ _spec.loader.exec_module(measured_cloth)
 def test_tables_of_the_page_are_those_of_the_script() -> None:
     for rows in (measured_cloth.table_of_fabrics(), measured_cloth.table_of_predictions()):
         assert "\n".join(rows) + "\n" in PAGE
+    assert all(row in PAGE for row in measured_cloth.table_of_pressing())
     assert sum(row[2] for row in measured_cloth.CLASSES) == 618
     assert "tablecloth 9.6, denim 26.7, trousers 52.4 N/m" in PAGE
     shears = [FABRICS[name].sheet.membrane[2, 2] for name in ("tablecloth", "denim", "trousers")]
@@ -36,6 +37,8 @@ def test_cotton_cloths_are_three_times_softer_than_fabrics_of_their_mass() -> No
     cotton = [p for p in measured_cloth.predictions() if "cotton" in p.name]
     ratios = [p.measured / p.free for p in cotton]
     assert [min(ratios), max(ratios)] == pytest.approx([3.0, 3.7], abs=0.06)
+    stuck = [p.rigid / p.free for p in cotton]
+    assert [min(stuck), max(stuck)] == pytest.approx([1.3, 1.7], abs=0.05)
     logarithms = np.log([[p.mass, p.free] for p in cotton]).T
     assert np.polyfit(*logarithms, 1)[0] == pytest.approx(measured_cloth.EXPONENT, abs=0.25)
     shears = [p.shear for p in cotton if "tex" in p.name]

@@ -61,7 +61,7 @@ def hang(file: Path) -> None:
         modes=6,
         gravity=(0, 0, -9.80665),
         tensile_rigidity="200 N/m",
-        bending_rigidity=["2e-3 uN.m", "1e-3 uN.m"],
+        bending_rigidity=["0.1 uN.m", "0.05 uN.m"],
         areal_mass="150 g/m2",
     )
     connect(WeaveSource(ends=20, picks=8), TetraCage(divisions=(10, 4, 1)), solver)

@@ -128,6 +128,7 @@ def test_info_of_a_mesh_needs_no_library_for_its_record(
         {"what": "picture", "samples": 9, "size": [64, 48], "place": [[0, 0, 1]], "framed": True},
         {"what": "shapes"},
         {"what": "biaxial"},
+        {"what": "reactions", "over": "time"},
         {"what": "storyboard", "times": [0.0, 0.1], "motions": ["response", "transient"]},
         {"what": "figure", "panels": ["draft"], "page": {"lists": ["weave.ends=5,7"], "dpi": 96}},
         {"what": "moving", "tolerance": 1e-5, "subdivisions": 2},

@@ -18,6 +18,9 @@ import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk import SpacemapWarning
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.modal_model import sheet_of
+from spacemap_vtk.datasets.reactions import reactions_of
 from spacemap_vtk.draw.graphics import prepare_offscreen
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.mechanics.boundary import loads
@@ -285,11 +288,27 @@ def half_the_yarns(ends: int, picks: int, spacing: str) -> tuple[str, ...]:
     return f"weave.ends={ends}", f"weave.picks={picks}", *spacings
 
 
+def check_helicoid(scene: Scene) -> None:
+    """Fibres at x from the axis have the stretch λ² + τ² x²: their pull is force and moment."""
+    scene.update_stage(scene.modal)
+    *_, grip = reactions_of(scene.modal.output)
+    points, sheet = points_of(scene.modal.output), sheet_of(scene.modal.output)
+    assert sheet is not None
+    width, length, _ = np.ptp(points, axis=0)
+    stretch, twist = 1 + 4e-3 / length, 1.5 * math.pi / length
+    x = width * (np.arange(10_000) + 0.5) / 10_000 - width / 2
+    pull = sheet.tensile_rigidity[0] * (stretch**2 + (twist * x) ** 2 - 1) / 2 * width
+    torsion = 4 * sheet.twisting_rigidity * width * twist
+    assert grip.force[1] == pytest.approx((pull * stretch).mean(), rel=5e-3)
+    assert grip.moment[1] == pytest.approx((pull * twist * x**2).mean() + torsion, rel=2e-2)
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "basket_2": check_basket,
     "double_weave": check_double_cloth,
     "gust": check_gust,
     "handweaving": check_real_draft,
+    "helicoid": check_helicoid,
     "plain_weave": check_published_experiment,
     "satin_5_2": check_satin(5, 2),
     "satin_8_3": check_satin(8, 3),
@@ -340,6 +359,7 @@ SHORTER = {
         'view.time="0.12 s"',
         *half_the_yarns(75, 75, "4 mm"),
     ),
+    "helicoid": ("cage.divisions=[4,30,1]", "modal.path_steps=6"),
     "fold": ("cage.divisions=[80,1,1]", *half_the_yarns(245, 32, "1.5 mm")),
     "let_go": ("cage.divisions=[4,12,1]", *half_the_yarns(20, 20, "20 mm")),
     "tablecloth": ("cage.divisions=[20,20,1]", *half_the_yarns(75, 75, "4 mm")),
@@ -366,6 +386,7 @@ LONG = {
     "drape",
     "drop",
     "fold",
+    "helicoid",
     "let_go",
     "lever_in_tetwild_cage",
     "squall",

@@ -71,15 +71,15 @@ def test_cells_follow_modes_and_bending_length():
     assert divisions_of(scene) == (42, 42, 1)  # half a bending length
     runs = scene.cage.executions
     scene.set("modal.tensile_rigidity=3 kN/m")
-    scene.update_stage(scene.modal)
+    scene.update_stage(scene.cage)
     assert scene.cage.executions == runs  # the same cells
     scene.set("modal.bending_rigidity=1 uN.m")
     assert divisions_of(scene) == (50, 50, 1)
     scene.update_stage(scene.cage)
     assert any("limited to 2500 cells, [50, 50, 1]" in text for text in scene.warnings)
     scene.set("cage.divisions=[4, 4, 1]")
-    scene.update_stage(scene.modal)
-    assert scene.modal.output.GetNumberOfPoints() == 50
+    scene.update_stage(scene.cage)
+    assert scene.cage.output.GetNumberOfPoints() == 50
 
 
 def test_other_cages_are_as_before():

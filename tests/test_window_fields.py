@@ -207,6 +207,23 @@ def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
     wait_until(lambda: settled(window))
 
 
+def test_grips_have_cards_whose_motion_has_a_time_function(open_scene: Any) -> None:
+    window = open_scene("plain_weave")
+    cards = editor(window, "modal", "grips")
+    actions = cards.add_button.menu().actions()
+    next(each for each in actions if each.data() == "-y").trigger()
+    wait_until(lambda: len(window.document.scene.modal.grips) == 1)
+    cards.change(0, {"displacement": [0, 0, "1 mm"], "time": "ramp", "rise": "1 s"})
+    (grip,) = window.document.scene.modal.grips
+    assert grip.place == ("-y",)
+    assert grip.motion["rise"] == 1.0
+    assert {"time", "rise"} < set(cards.cards[0].rows)
+    cards.cards[0].rows["displacement"].edited.emit("displacement", None, 0)
+    assert window.document.scene.modal.grips[0].motion is None
+    cards.cards[0].remove_button.click()
+    assert window.document.scene.modal.grips == ()
+
+
 @pytest.mark.parametrize("count", [2, pytest.param(len(SHAPES), marks=pytest.mark.nightly)])
 def test_obstacles_have_cards_as_loads_have(open_scene: Any, count: int) -> None:
     window = open_scene()
@@ -327,7 +344,7 @@ def test_reset_restores_every_default(open_scene: Any, scene: str) -> None:
             assert name not in window.document.values.get(section, {}), section
         part = window.document.scene.parts[section]
         for name, parameter in part.parameters.items():
-            assert getattr(part, name) == parameter.default, section
+            assert getattr(part, name) == parameter.default_for(of_object=False), section
 
 
 def test_parameter_without_effect_is_hidden_or_explained(open_scene: Any) -> None:

@@ -49,7 +49,7 @@ def open_and_check(open_scene: Any, name: str) -> Any:
 SLOW_KINDS = (
     *("animal_in_carved_cage", "cantilever_test", "catenary", "drape", "lever_in_tetwild_cage"),
     *("double_weave", "handweaving", "overhang", "swing", "tablecloth", "yarn_tension"),
-    *("capstan", "drop", "fold", "yarn_to_cloth"),
+    *("capstan", "drop", "fold", "helicoid", "yarn_to_cloth"),
 )
 #: Slow scenes of kinds that have a faster one.
 SLOW_SCENES = ("arm", "curtain", "curtain_on_rod")

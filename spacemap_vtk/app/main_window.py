@@ -71,7 +71,7 @@ _THICKNESS_STEP = 1.25
 #: Text of the link that switches the stage on; it uses the name from the list of stages.
 _SWITCH_ON_ROTATION = "switch on Rotation strain"
 #: End of a warning's first statement, which the status line shows.
-_STATEMENT_END = re.compile(r"[;:]|\. |, so that")
+_STATEMENT_END = re.compile(r"[;:]|\. |, so that|, but ")
 #: Most words of that statement in the status line.
 _MAX_WORDS = 16
 
@@ -229,7 +229,7 @@ class MainWindow(QMainWindow):
         for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
             self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
-        self.splitter.setSizes([300, 778, 362])
+        self.splitter.setSizes([300, 790, 350])
         self.setCentralWidget(self.splitter)
         # A narrower window hides the tabs.
         self.setMinimumWidth(_MIN_WIDTH)

@@ -59,7 +59,7 @@ QPushButton#side {{ padding: 3px 2px; }}
 QPushButton#side:checked {{ background: {check}; border: 1px solid {accent}; border-radius: 4px; }}
 QFrame#card {{ border: 1px solid {line}; border-radius: 6px; background: {card}; }}
 QFrame#card[selected="true"] {{ border: 2px solid {accent}; }}
-QTabBar::tab {{ padding: 5px 6px 4px 6px; border: none; border-bottom: 2px solid transparent; }}
+QTabBar::tab {{ padding: 5px 2px 4px 3px; border: none; border-bottom: 2px solid transparent; }}
 QTabBar::tab:hover {{ border-bottom-color: {line}; }}
 QTabBar::tab:selected {{ border-bottom-color: {accent}; }}
 QToolButton::menu-indicator {{ image: none; }}

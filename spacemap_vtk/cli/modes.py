@@ -27,7 +27,7 @@ from spacemap_vtk.cli.options import (
 )
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import describe_writers
-from spacemap_vtk.jobs import BiaxialJob, PlotJob, ShapesJob
+from spacemap_vtk.jobs import BiaxialJob, PlotJob, ReactionsJob, ShapesJob
 from spacemap_vtk.jobs.job import Job
 from spacemap_vtk.units import align_decimals, format_errors, format_quantity, parse_quantity
 
@@ -139,7 +139,9 @@ def plot(
     *,
     output: Annotated[
         Path,
-        output_option(f"A {describe_writers('plot')} file; with --biaxial also a .csv table."),
+        output_option(
+            f"A {describe_writers('plot')} file; with --biaxial or --reactions also a .csv table."
+        ),
     ],
     point: Annotated[
         str | None,
@@ -159,6 +161,16 @@ def plot(
             "for equal extension of both."
         ),
     ] = False,
+    reactions: Annotated[
+        bool,
+        flag(
+            "Plot force and moment of each support, grip and obstacle instead: over time for a "
+            "motion by time steps, otherwise over the stroke of the grips."
+        ),
+    ] = False,
+    over: Annotated[
+        Literal["stroke", "time"] | None, Parameter(help="Abscissa of the reactions.")
+    ] = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -171,8 +183,15 @@ def plot(
 
         spacemap plot plain_weave -o motion.pdf
         spacemap plot plain_weave -o motion.png --point 0,0,0 --quantity velocity
+        spacemap plot helicoid --reactions -o reactions.csv
     """
-    job: Job = BiaxialJob(output) if biaxial else PlotJob(output, _parse_point(point), quantity)
+    job: Job
+    if biaxial:
+        job = BiaxialJob(output)
+    elif reactions:
+        job = ReactionsJob(output, over)
+    else:
+        job = PlotJob(output, _parse_point(point), quantity)
     chosen = open_scene(scene, set_)
     run_job(job, chosen, "Pulling" if biaxial else "Plotting", quiet)
 

@@ -10,7 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.applicability import LIMITS, TRUSTED_ROTATION
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
@@ -136,14 +136,13 @@ class ModalResponse(LoadParameters, Stage):
             self.check_limit(
                 "contact",
                 1.0 / multiples[number],
-                found="the motion is {} as large as that at which the cage lifts off obstacle "
-                f"{number}",
+                found=f"the motion is {{}} of that at which the cage lifts off obstacle {number}",
             )
         gradients = modes.gradient.evaluate(moved)
         model = modes.model
         if not self.rotation_removed:
             angle = largest_rotation(gradients)
-            words = {"cure": LIMITS["swing"].cure} if angle > TRUSTED_ROTATION else {}
+            words = {"cure": LIMITS["swing"].cure} if angle > LIMITS["swing"].most else {}
             self.check_limit("rotation", angle, **words)
             at = model.points + displacement
             check_inversion(self, model.points, at, model.cells, model.pencil.surface)

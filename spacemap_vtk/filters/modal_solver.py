@@ -516,8 +516,9 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         first, second = (float(side) for axis, side in enumerate(extent) if axis != normal)
         if self.elements == "tetrahedra" or thickness <= 0.0:
             return None
-        # Of narrower cells "auto" would make a solid.
-        narrowest = 0.0 if self.elements == "sheet" else 1.1 * SHEET_ASPECT * thickness
+        # Cells as narrow as the cloth is thick show folds that no cloth has; of cells narrower than
+        # SHEET_ASPECT "auto" would make a solid.
+        narrowest = thickness if self.elements == "sheet" else 1.1 * SHEET_ASPECT * thickness
         if max(first, second) < FEWEST * narrowest:
             return None
         length = None

@@ -129,6 +129,15 @@ class YarnParameters(Parameterised):
         ["free", "rigid"],
     )
 
+    friction = Real(
+        None,
+        "Coefficient of friction of yarns on each other. In the shear test of spacemap measure, "
+        "crossings then slip and give hysteresis.",
+        minimum=0.0,
+        automatic="not known: hysteresis is not modelled",
+        when=_ELASTIC,
+    )
+
     def yarns(self, cloth: Cloth) -> YarnMechanics:
         """Return the mechanics of a cloth's yarns; a modulus is multiplied by their counts."""
         if cloth.layers is not None:

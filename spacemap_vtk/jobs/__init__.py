@@ -12,7 +12,7 @@ from spacemap_vtk.jobs.measure import MeasureJob
 from spacemap_vtk.jobs.moving_surface import ModesJob, MovingJob
 from spacemap_vtk.jobs.picture import PictureJob
 from spacemap_vtk.jobs.plan import PlanJob
-from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob
+from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob, ReactionsJob
 from spacemap_vtk.jobs.print_draft import PrintJob
 from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
 
@@ -31,6 +31,7 @@ __all__ = [
     "PlanJob",
     "PlotJob",
     "PrintJob",
+    "ReactionsJob",
     "ShapesJob",
     "StoryboardJob",
     "Times",

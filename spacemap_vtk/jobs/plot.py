@@ -1,4 +1,4 @@
-"""Jobs for plots: the motion of a point, the tensile tests of a cloth."""
+"""Jobs for plots: the motion of a point, reactions, the tensile tests of a cloth."""
 
 from __future__ import annotations
 
@@ -64,5 +64,39 @@ class BiaxialJob(Job):
                 write_parts(file, [tensile_table(tests).encode()])
         else:
             self.write_output(context, "plot", tensile_plot(context.scene.title, tests))
+        context.progress(1, 1)
+        return ""
+
+
+@register()
+@dataclass
+class ReactionsJob(Job):
+    """Force and moment of supports, grips and obstacles: a plot, or a table as .csv."""
+
+    output: Path
+    #: "stroke" or "time"; None: over time if the scene has time steps.
+    over: str | None = None
+
+    kind = "reactions"
+    command = "plot --reactions"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, {**writer_endings("plot"), ".csv": "table"})
+
+    def write(self, context: Context) -> str:
+        """Compute the curves and write them."""
+        from spacemap_vtk.draw.figure.reaction_plot import (
+            reaction_curves,
+            reaction_plot,
+            reaction_table,
+        )
+
+        context.progress(0, 1)
+        curves = reaction_curves(context.scene, self.over)
+        if self.output.suffix.lower() == ".csv":
+            with self.open_output(context.atomic) as file:
+                write_parts(file, [reaction_table(curves).encode()])
+        else:
+            self.write_output(context, "plot", reaction_plot(context.scene.title, curves))
         context.progress(1, 1)
         return ""

@@ -4,6 +4,10 @@ The instrument bends a specimen between two clamps, 1 cm apart, along arcs of eq
 2.5 per cm to both sides. It prints the bending rigidity B, the mean slope between 0.5 and 1.5 per
 cm, and the hysteresis 2HB, the width of the loop at 1 per cm.
 
+The stiffness of the cloth is that of its sheet. Of cloth from yarns, B is the least value, of yarns
+that bend along their whole length, unless yarns.bending_arcs says otherwise; B_rigid is the
+largest, of yarns that stick to the yarns they cross.
+
 Source: S. Kawabata, "Standardization and Analysis of Hand Evaluation", 2nd ed., Textile Machinery
 Society of Japan (1980).
 """
@@ -11,6 +15,7 @@ Society of Japan (1980).
 from __future__ import annotations
 
 from functools import partial
+from math import isfinite
 
 import numpy as np
 
@@ -28,6 +33,7 @@ from spacemap_vtk.laboratory.records import (
 )
 from spacemap_vtk.mechanics.elements.plates import strip_stiffness
 from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.textile.crimp.stiffness import bending_bounds
 
 #: Largest curvature, and those between which the slope is measured [1/m].
 LARGEST, SLOPE_FROM, SLOPE_TO = 250.0, 50.0, 150.0
@@ -40,12 +46,17 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     """Bend a specimen along the warp and one along the weft."""
     curvature = np.linspace(-LARGEST, LARGEST, 101)
     rigidities = dict(zip(("warp", "weft"), strip_stiffness(fabric.plate.bending), strict=True))
+    bounds: dict[str, float] = {}
+    if fabric.cloth is not None and fabric.yarns is not None and any(fabric.yarns.bending):
+        rigid = bending_bounds(fabric.cloth, fabric.yarns).rigid
+        bounds = dict(zip(("warp", "weft"), rigid, strict=True))
     readings, curves = [], []
     for name, _ in DIRECTIONS:
         moment = rigidities[name] * curvature
         curves.append(Curve(name, curvature, moment))
         readings += [
             Reading("B", "bending rigidity", name, mean_slope(curvature, moment), GF_CM2_PER_CM),
+            *_bound_reading(name, bounds.get(name)),
             Reading("2HB", "hysteresis at 1/cm", name, None, GF_CM_PER_CM, note=_NO_HYSTERESIS),
         ]
     progress(1.0)
@@ -57,6 +68,13 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         notes=[f"2HB is not modelled: {_NO_HYSTERESIS}"],
         states=_bend_specimen(fabric, rigidities["warp"]),
     )
+
+
+def _bound_reading(name: str, rigidity: float | None) -> list[Reading]:
+    """Return the rigidity if crossings stick, where it is known and finite."""
+    if rigidity is None or not isfinite(rigidity):
+        return []
+    return [Reading("B_rigid", "if crossings stick", name, rigidity, GF_CM2_PER_CM)]
 
 
 def mean_slope(curvature: Floats, moment: Floats) -> float:

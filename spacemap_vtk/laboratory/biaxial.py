@@ -39,6 +39,7 @@ LARGEST = 500.0 * GF_PER_CM.size
 SIDE = 0.015
 #: Points of a curve.
 _POINTS = 201
+_NO_LOSS = "the law is elastic; what friction takes in unloading is not known"
 #: Stretch up to which the largest force is sought.
 _MOST = 2.0
 
@@ -63,6 +64,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         curves,
         Axis("extension", PERCENT),
         Axis("force per width", GF_PER_CM),
+        notes=[f"RT is not modelled: {_NO_LOSS}"],
         states=_pull_square(fabric, curves[0]),
     )
 
@@ -102,6 +104,7 @@ def tensile_readings(direction: str, extension: Floats, force: Floats) -> list[R
         Reading("EMT", "extension", direction, extension[-1], PERCENT),
         Reading("LT", "linearity", direction, linearity, PURE),
         Reading("WT", "work", direction, work, GF_CM_PER_CM2),
+        Reading("RT", "resilience", direction, None, PERCENT, note=_NO_LOSS),
     ]
 
 

@@ -58,12 +58,19 @@ class LaboratoryTest(NamedTuple):
 #: All tests in the order of the data sheet.
 TESTS = (
     LaboratoryTest(
+        "tensile",
+        "Tension",
+        "KES-FB1",
+        "20 cm x 5 cm between clamps 5 cm apart, with free sides, pulled to 500 gf/cm.",
+        "EMT, LT, WT, RT",
+    ),
+    LaboratoryTest(
         "biaxial",
         "Biaxial tension",
         "KES-G2",
         "A square is pulled to 500 gf/cm: along warp and weft alike, and along one of them while "
         "the other keeps its width.",
-        "EMT, LT, WT",
+        "EMT, LT, WT, RT",
     ),
     LaboratoryTest(
         "shear",
@@ -73,11 +80,25 @@ TESTS = (
         "G, 2HG, 2HG5",
     ),
     LaboratoryTest(
+        "bias",
+        "Bias extension",
+        "FAST-3, bias extension",
+        "10 cm x 5 cm between clamps, cut at 45°, pulled by 14 %.",
+        "EB5, G, γ",
+    ),
+    LaboratoryTest(
+        "frame",
+        "Picture frame",
+        "picture frame",
+        "A square of 20 cm, clamped along its yarns in a hinged frame, is sheared to 45°.",
+        "Fs",
+    ),
+    LaboratoryTest(
         "bending",
         "Pure bending",
         "KES-FB2",
         "20 cm x 1 cm, between clamps 1 cm apart, bent to ±2.5 per cm.",
-        "B, 2HB",
+        "B, B_rigid, 2HB",
     ),
     LaboratoryTest(
         "cantilever",
@@ -92,6 +113,13 @@ TESTS = (
         "Cusick's drapemeter, ISO 9073-9",
         "A round cloth of 30 cm, held between discs of 18 cm, hangs over their edge.",
         "DC, nodes",
+    ),
+    LaboratoryTest(
+        "compression",
+        "Compression",
+        "KES-FB3",
+        "A disc of 2 cm² presses the cloth from 0.5 to 50 gf/cm².",
+        "T0, Tm, LC, WC, RC",
     ),
 )
 

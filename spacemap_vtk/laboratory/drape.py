@@ -36,7 +36,7 @@ from spacemap_vtk.laboratory.records import (
     Measurement,
     Reading,
 )
-from spacemap_vtk.mechanics.contact.resting import settle_model
+from spacemap_vtk.mechanics.contact.resting import Resting, find_resting_state
 from spacemap_vtk.mechanics.elements.plates import Plate, strip_stiffness
 from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
 from spacemap_vtk.mechanics.modal.convergence import estimate_error
@@ -158,7 +158,8 @@ def hang(fabric: Fabric, ring: Ring, guess: Floats | None, progress: Progress) -
     weight = np.zeros_like(ring.points)
     weight[:, 2] = -GRAVITY * model.nodal_mass
 
-    return settle_model(model, weight.ravel(), [], guess, progress=progress).displacement
+    start = None if guess is None else Resting(guess, np.empty((0, 3)))
+    return find_resting_state(model, weight.ravel(), progress, start).displacement
 
 
 def _report_part(progress: Progress, before: float, after: float, share: float) -> None:

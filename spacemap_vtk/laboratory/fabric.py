@@ -30,6 +30,8 @@ class Fabric:
     #: Geometry and stiffness of its yarns, where they are known.
     cloth: Cloth | None = None
     yarns: YarnMechanics | None = None
+    #: Coefficient of friction of yarns on each other; None if it is not known.
+    friction: float | None = None
 
     def stress(self, strain: Floats) -> Floats:
         """Compute the membrane stress.

@@ -153,6 +153,8 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     found = []
     if "elements" in figures:
         found.append(Figure("elements", "cage elements", figures["elements"]))
+    if figures.get("law", "linear") != "linear":
+        found.append(Figure("law", "  law in its plane", f"from {figures['law']}"))
     for name, value in (figures.get("sheet") or {}).items():
         if name == "poissons_ratio_in_plane":
             value = tuple(figures["poissons_ratios"])

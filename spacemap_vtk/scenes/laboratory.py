@@ -96,7 +96,7 @@ def _from_yarns(scene: Scene, yarns: YarnParameters) -> Fabric:
         law = cloth_law(cloth, mechanics)
         plate = replace(cloth_stiffness(cloth, mechanics), law=law)
     mass = figures["areal_mass"]
-    return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics)
+    return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics, yarns.friction)
 
 
 def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None) -> Fabric | None:
@@ -118,7 +118,8 @@ def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None)
     cloth = scene.woven.cloth
     thickness = fabric_figures(cloth)["thickness"]
     if solver.material == WOVEN and yarns is not None:
-        return Fabric(plate, thickness, mass, "its yarns", cloth, yarns.yarns(cloth))
+        mechanics = yarns.yarns(cloth)
+        return Fabric(plate, thickness, mass, "its yarns", cloth, mechanics, yarns.friction)
     origin = solver.material if solver.material in FABRICS else "the sheet in [modal]"
     return Fabric(plate, thickness, mass, origin)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.applicability import LARGE_ROTATION, TRUSTED_ROTATION
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
 from spacemap_vtk.datasets.reactions import reactions_of
@@ -165,7 +165,7 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         "tetrahedra": grid.GetNumberOfCells(),
         "dof": cage.model.pencil.size,
         **report_sheet(sheet_of(grid)),
-        **report_bending(scene),
+        **report_law(scene, sheet_of(grid) is not None),
         "mass": float(cage.nodal_mass.sum()),
         "movable_mass": cage.model.movable_mass.tolist(),
         "alpha": damping.alpha,
@@ -254,14 +254,19 @@ def report_sheet(sheet: DataSheet | None) -> dict[str, Any]:
     }
 
 
-def report_bending(scene: Scene) -> dict[str, Any]:
-    """Return the bounds of the bending rigidity of a sheet from yarns, along warp and weft."""
+def report_law(scene: Scene, sheet: bool) -> dict[str, Any]:
+    """Return the law of a sheet, and bounds of its bending if it is made from yarns."""
     woven, solver = scene.woven, scene.stage("solver")
-    if woven is None or not isinstance(solver, ModalSolver) or solver.material != WOVEN:
+    if not isinstance(solver, ModalSolver) or not sheet:
         return {}
+    found: dict[str, Any] = {"law": solver.law_in_use()}
+    if woven is None or solver.material != WOVEN:
+        return found
     yarns = solver.yarns
     known = yarns.yarns(woven.cloth) if isinstance(yarns, YarnParameters) else yarns
-    return {} if known is None else {"bending_bounds": bending_bounds(woven.cloth, known)._asdict()}
+    if known is not None:
+        found["bending_bounds"] = bending_bounds(woven.cloth, known)._asdict()
+    return found
 
 
 def report_motion(scene: Scene) -> dict[str, Any] | None:
@@ -293,26 +298,25 @@ def report_last_motion(scene: Scene) -> dict[str, Any] | None:
         "largest_volume_change": found.volume,
         "period_factor": found.pendulum_period,
         "rebuilt": scene.stage("rotation") is not None,
-        "large": bool(found.rotation > LARGE_ROTATION),
+        "large": bool(found.rotation > LIMITS["rotation"].most),
     }
 
 
 def describe_motion(figures: dict[str, Any]) -> str:
     """Return the figures of `report_motion` as a sentence, with cures if they are out of range."""
-    text, large = f"turns by up to {figures['largest_rotation_deg']:.3g}°", figures["large"]
+    angle = math.radians(figures["largest_rotation_deg"])
+    text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
     if not figures["rebuilt"]:
         text += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
         text += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
-        text += ": a section [rotation] removes the artificial stretch" if large else ""
-    if figures["largest_rotation_deg"] > math.degrees(TRUSTED_ROTATION):
-        text += (
-            f"; above {math.degrees(TRUSTED_ROTATION):.0f}° a linear motion has a wrong shape, "
-            "even with [rotation]: use [transient] instead of [response]"
-        )
-    if large and math.isfinite(figures["period_factor"]):
+    rebuilt = LIMITS["swing"]
+    limit = rebuilt if figures["rebuilt"] or angle > rebuilt.most else LIMITS["rotation"]
+    if angle > limit.most:
+        text += f"; {limit.model} is valid up to {limit.format(limit.most)}: {limit.cure}"
+    if figures["large"] and math.isfinite(figures["period_factor"]):
         text += (
             f"; a swing of this size takes {figures['period_factor']:.3g} times as long: "
-            "[transient] instead of [response] shows it"
+            "[transient] shows it"
         )
     return text
 
@@ -389,7 +393,8 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
     if yarns_fit and over.size <= MOST_CROSSINGS and isinstance(solver, ModalSolver) and made:
         scene.update_stage(made)
         with add_section_to_errors(solver.section):
-            figures |= report_sheet(solver.sheet_figures(made.output)) | report_bending(scene)
+            sheet = solver.sheet_figures(made.output)
+            figures |= report_sheet(sheet) | report_law(scene, sheet is not None)
             if made.output.GetNumberOfCells() <= MANY_CELLS:
                 figures["motion"] = report_motion(scene)
                 if solver.is_hung:

@@ -18,7 +18,7 @@ weave = simple.WeaveSource(Ends=20, Picks=8)
 cage = simple.TetraCage(Input=weave, Divisions=[10, 4, 1])
 modal = simple.ModalSolver(Input=cage, Elements="sheet", Fixed="-x", Modes=6)
 modal.Gravity = [0.0, 0.0, -9.80665]
-modal.TensileRigidity, modal.BendingRigidity = "200 N/m", "2e-3 uN.m, 1e-3 uN.m"
+modal.TensileRigidity, modal.BendingRigidity = "200 N/m", "0.1 uN.m, 0.05 uN.m"
 modal.ArealMass = 0.15
 
 # Each measure has its unit in its help, with those of the trade.

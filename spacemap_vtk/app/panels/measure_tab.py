@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.widgets import column, is_dark, note, row
+from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
@@ -67,7 +67,7 @@ class MeasureTab(QWidget):
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
         self._document, self._engine = document, engine
-        self.tests = QComboBox(toolTip="Standard test")
+        self.tests = narrow(QComboBox(toolTip="Standard test"), 8)
         for test in TESTS:
             self.tests.addItem(test.title, test.name)
         self.tests.currentIndexChanged.connect(self._describe_test)
@@ -85,6 +85,8 @@ class MeasureTab(QWidget):
         self.table = QTableWidget(0, len(_HEADINGS))
         self.table.setHorizontalHeaderLabels(_HEADINGS)
         self.table.verticalHeader().hide()
+        self.table.verticalHeader().setDefaultSectionSize(22)
+        self.table.setShowGrid(False)
         self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
         #: Created with the first measurement, because importing matplotlib takes time.
@@ -94,10 +96,11 @@ class MeasureTab(QWidget):
         self._parts = QSplitter(childrenCollapsible=False)
         self._parts.setOrientation(self._parts.orientation().Vertical)
         self._parts.addWidget(self.table)
-        head = row(None, (self.tests, 1), self.run_button, self.save_button, spacing=6)
+        buttons = row(None, (self.run_button, 1), (self.save_button, 1), spacing=6)
         column(
             self,
-            head,
+            self.tests,
+            buttons,
             self.hint,
             self.progress_bar,
             (self._parts, 1),
@@ -188,7 +191,11 @@ class MeasureTab(QWidget):
         ink = DARK if is_dark(self) else LIGHT
         figure.set_facecolor(ink.paper)
         self.canvas.setVisible(bool(self.result.measurement.curves))
-        draw_curves(figure.subplots(), self.result.measurement, with_si=False, ink=ink)
+        panel = figure.subplots()
+        draw_curves(panel, self.result.measurement, with_si=False, ink=ink)
+        panel.tick_params(labelsize=8)
+        for label in (panel.xaxis.label, panel.yaxis.label):
+            label.set_fontsize(8.5)
         self.canvas.draw_idle()
 
     def _mark_old(self) -> None:

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QSlid
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.fields.basic_editors import FileEditor
 from spacemap_vtk.app.fields.editor import Editor
+from spacemap_vtk.app.fields.grips_editor import GripsEditor
 from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.obstacles_editor import ObstaclesEditor
 from spacemap_vtk.app.fields.parameter_info import automatic_values, feasible_intervals, idle_reason
@@ -21,6 +22,7 @@ from spacemap_vtk.app.fields.parameter_row import ParameterRow, RowGroup, RowPai
 from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.grip import Grips
 from spacemap_vtk.filters.load import Loads
 from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.textile import Woven
@@ -226,6 +228,8 @@ class Properties(QScrollArea):
             editor = self._obstacles = ObstaclesEditor(parameter)
             editor.set_bounds(*self._bounds)
             editor.selected.connect(self.obstacle_selected)
+        elif isinstance(parameter, Grips):
+            editor = GripsEditor(parameter)
         else:
             editor = make_editor(parameter)
         if isinstance(editor, FileEditor):

@@ -100,7 +100,7 @@ class ViewBar(QToolBar):
         self.drop = action(self, "Drop", lambda _: self.drop_asked.emit(), "Shift+H")
         # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
         # if there is room.
-        self.coloring = narrow(QComboBox(toolTip="Colour by"), 4)
+        self.coloring = narrow(QComboBox(toolTip="Colour by"), 1)
         self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.coloring.setMaximumWidth(_MAX_COLORING_WIDTH)
         #: The same choices as menu actions, for windows too narrow for the box.

@@ -25,6 +25,8 @@ from spacemap_vtk.temporary_files import temporary_folder
 DURATION, RATE = 4.0, 20.0
 #: Width of the plot as a share of the frame.
 _SHARE = 0.42
+#: Width of the plot [in]; its height follows from the frame.
+_INCHES = 4.9
 #: Settings of the film's view that replace those of the scene.
 _VIEW = {
     "show": "fabric",
@@ -86,7 +88,7 @@ class CurvePanel:
         width, height = size
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        dpi = max(60.0, 110.0 * width / 540)
+        dpi = width / _INCHES  # texts are as large as the plot allows
         figure = new_figure(figsize=(width / dpi, height / dpi), dpi=dpi, layout="constrained")
         panel = figure.subplots()
         figure.suptitle(f"{test.title}\n{test.instrument}", fontsize=11)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from spacemap_vtk.draw.figure.page import new_figure
-from spacemap_vtk.laboratory.records import Measurement, Unit
+from spacemap_vtk.laboratory.records import Curve, Measurement, Unit
 from spacemap_vtk.scenes.laboratory import TestResult
 from spacemap_vtk.units import typeset_units
 
@@ -33,6 +35,8 @@ DARK = Ink("#dfe6ee", "#8794a3", "#2b3440", "#1d232b")
 _WIDTH, _HEIGHT = 5.6, 4.2
 #: Dashes of a curve that lies on an earlier one.
 _DASHES = (0, (5, 3))
+#: Largest difference of curves that coincide, over their largest value.
+_SAME = 2e-3
 
 
 def measurement_plot(title: str, results: Sequence[TestResult]) -> Figure:
@@ -58,18 +62,16 @@ def draw_curves(
 ) -> None:
     """Draw the curves of a test into a panel, with the figures beside them."""
     x, y = measurement.x_axis, measurement.y_axis
-    drawn: list[tuple[object, ...]] = []
     for number, curve in enumerate(measurement.curves):
-        values = tuple(curve.x.round(12)), tuple((curve.y / y.unit.size).round(9))
+        hidden = any(_coincide(curve, other) for other in measurement.curves[:number])
         panel.plot(
             curve.x / x.unit.size,
             curve.y / y.unit.size,
             color=COLORS[number % len(COLORS)],
             linewidth=1.6,
-            linestyle=_DASHES if values in drawn else "-",
+            linestyle=_DASHES if hidden else "-",
             label=_describe_curve(measurement, curve.name),
         )
-        drawn.append(values)
     panel.set(xlabel=x.label, ylabel=y.label, facecolor=ink.paper)
     panel.grid(color=ink.grid, linewidth=0.6)
     panel.tick_params(colors=ink.text)
@@ -83,12 +85,23 @@ def draw_curves(
     else:
         panel.set_xlim(left=0.0)
         panel.set_ylim(bottom=0.0)
-    # The curves rise from the lower left to the upper right.
     panel.legend(
-        frameon=False, fontsize=8 if with_si else 7, loc="lower right", labelcolor=ink.text
+        frameon=False,
+        fontsize=8 if with_si else 7,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.15),
+        labelcolor=ink.text,
     )
     if with_si and y.unit.si and y.unit.size != 1.0:
         _add_si_axis(panel, y.unit)
+
+
+def _coincide(curve: Curve, other: Curve) -> bool:
+    """Return whether two curves cannot be told apart in a plot."""
+    if len(curve.x) != len(other.x):
+        return False
+    pairs = (curve.x, other.x), (curve.y, other.y)
+    return all(np.abs(a - b).max() <= _SAME * np.abs(a).max() for a, b in pairs)
 
 
 def _add_si_axis(panel: Axes, unit: Unit) -> None:

@@ -84,7 +84,7 @@ def motion_plot(scene: Scene, point: Sequence[float] | None, quantity: str) -> F
     else:
         scene.warn(NO_FREQUENCY_RESPONSE)
         _plot_energies(lower_panel, times, balance_of(motion, times))
-    return _add_legends(figure)
+    return add_legends(figure)
 
 
 def titled_figure(title: str) -> Figure:
@@ -94,7 +94,7 @@ def titled_figure(title: str) -> Figure:
     return figure
 
 
-def _add_legends(figure: Figure) -> Figure:
+def add_legends(figure: Figure) -> Figure:
     """Add grids and legends to a figure whose curves are drawn, and return it."""
     for panel in figure.axes:
         panel.grid(color="#e6e9ed", linewidth=0.6)
@@ -270,4 +270,4 @@ def tensile_plot(title: str, tests: list[TensileTest]) -> Figure:
         )
     force.set(ylabel=f"force per width [{unit}]")
     width.set(xlabel="extension [%]", ylabel="change of width [%]", xlim=(0.0, extension[-1]))
-    return _add_legends(figure)
+    return add_legends(figure)

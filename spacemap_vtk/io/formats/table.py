@@ -1,4 +1,4 @@
-"""Read numbers from text files: a column of times and one of factors, or a single column."""
+"""Read numbers from text files: two columns, such as times and factors, or a single one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DECIMAL_COMMA = re.compile(r"(\d),(\d)")
 @reads(".csv", ".txt", label="Table", holds="table", general=True, rest=True)
 def read_table(path: Path) -> tuple[tuple[float, ...], ...]:
     """Read two columns of numbers."""
-    return _read_columns(path, 2, "two numbers in each line, time in s and factor")
+    return _read_columns(path, 2, "two numbers in each line")
 
 
 @reads(".csv", ".txt", label="Column", holds="column", general=True, rest=True)

@@ -26,9 +26,9 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats
 
-#: Least square of a stretch for which the formulas hold. Below it the square falls exponentially
-#: with the strain, and stays above 0. Only strains that are no strains of a shape come there, as
-#: those that Newton's method predicts.
+#: Least square r0 of a stretch for which the formulas hold. Below it, r0²/(2 r0 - r) replaces the
+#: square r, and stays above 0. Only strains that no shape has come there, as those that Newton's
+#: method predicts.
 _LEAST_SQUARE = 0.01
 
 #: Sine of the shear angle beyond which formulas of the angle are continued by straight lines.
@@ -150,18 +150,14 @@ class StretchLaw(MembraneLaw):
     def evaluate(self, strain: Floats) -> LawResponse:
         """Compute energy, stress and tangent by the chain rule."""
         flat = strain.reshape(-1, 3).T
-        # Below the least square r0, r = r0 exp((1 + 2 e)/r0 - 1); `slope` is dr/d(2 e), and `bend`
-        # its own derivative.
+        # `slope` is the derivative of the square by 2 e, and `bend` its own derivative.
         square = 1.0 + 2.0 * flat[:2]
         slope, bend = np.ones_like(square), np.zeros_like(square)
-        low = np.flatnonzero((square < _LEAST_SQUARE).any(axis=0))
-        if len(low):
-            given = square[:, low]
-            below = given < _LEAST_SQUARE
-            falling = np.exp(np.minimum(given / _LEAST_SQUARE - 1.0, 0.0))
-            square[:, low] = np.where(below, np.maximum(falling, 1e-9) * _LEAST_SQUARE, given)
-            slope[:, low] = falling
-            bend[:, low] = np.where(below, falling / _LEAST_SQUARE, 0.0)
+        low = square < _LEAST_SQUARE
+        if low.any():
+            share = _LEAST_SQUARE / (2.0 * _LEAST_SQUARE - square[low])
+            square[low], slope[low] = _LEAST_SQUARE * share, share**2
+            bend[low] = 2.0 / _LEAST_SQUARE * share**3
         stretch = np.sqrt(square)
         # Derivatives of the stretches and of sin γ by the strains.
         by = slope / stretch

@@ -18,7 +18,10 @@ STRETCHING = 1 / 24
 #: Estimated error of a mode's frequency above which the mode is reported as unresolved.
 UNRESOLVED = 0.1
 #: A hanging sheet can fold if compression folds at least this share of its area.
-_FOLDING = 0.01
+_FOLDING = 0.05
+#: A compression below this share of the sheet's forces (root mean square) folds nothing: a sheet
+#: that hangs flat has it near the ends of its supports.
+_SLIGHT = 0.02
 
 
 def mode_errors(model: Model, eigenvalues: Floats, shapes: Floats) -> Iterator[float]:
@@ -101,14 +104,16 @@ def fold_error(model: Model, bending_length: float) -> float:
     force = stress * surface.thickness(model.points)[surface.quads].mean(axis=1)[:, None]
     one, two = (axis for axis in range(3) if axis != surface.normal)
     x, y, shear = force[:, one], force[:, two], force[:, VOIGT[one, two]]
-    least = (x + y) / 2 - np.hypot((x - y) / 2, shear)
+    mean, radius = (x + y) / 2, np.hypot((x - y) / 2, shear)
+    least, size = mean - radius, math.sqrt(2 * np.mean(mean**2 + radius**2))
     # Width of the cells along the direction of the least force.
     angle = np.arctan2(2 * shear, x - y) / 2 + math.pi / 2
     rest = surface.to_nodes(model.points)[: len(surface.pairs)]
     widths = {line.axis: line.width for line in (_Lines(surface.quads, k, rest) for k in (0, 1))}
     width = np.abs(np.cos(angle)) * widths[one] + np.abs(np.sin(angle)) * widths[two]
     rigidity = math.sqrt(plate.bending[0, 0] * plate.bending[1, 1])
-    folds = least < -rigidity * (math.pi / (2 * width)) ** 2
+    buckling = rigidity * (math.pi / (2 * width)) ** 2
+    folds = least < -np.maximum(buckling, _SLIGHT * size)
     if folds.mean() < _FOLDING:
         return 0.0
     return min(BENDING * (float(width[folds].mean()) / bending_length) ** 2, 1.0)

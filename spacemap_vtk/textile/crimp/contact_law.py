@@ -26,12 +26,36 @@ class ContactLaw:
     numbers: Floats = np.zeros(0)
 
     def evaluate(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        """Compute u and its first two derivatives at x = D/D₀."""
+        """Compute u and its first two derivatives.
+
+        Parameters
+        ----------
+        x : ndarray of float64, shape (n,)
+            D/D₀.
+
+        Returns
+        -------
+        tuple of 3 ndarray of float64, shape (n,)
+            u, u' and u''.
+        """
         loss = x - 1.0
         return 0.5 * loss * loss, loss, np.ones_like(x)
 
     def take(self, which: object, axis: int = -1) -> ContactLaw:
-        """Return the law itself: it is the same for all crossings that may be selected."""
+        """Return the law itself, which is the same for all crossings that may be selected.
+
+        Parameters
+        ----------
+        which : object
+            Crossings, as of an array's method of this name.
+        axis : int
+            Axis, likewise.
+
+        Returns
+        -------
+        ContactLaw
+            This law.
+        """
         return self
 
 

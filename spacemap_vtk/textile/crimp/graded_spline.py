@@ -20,14 +20,21 @@ _ROUNDS = 30
 
 
 class GradedKnots:
-    """Knots of a cubic spline for |x| up to `reach`, equally spaced in asinh(x/fine)."""
+    """Knots of a cubic spline for |x| up to `reach`."""
 
-    # `ratio` is the distance of neighbouring knots, over x where x is large and over `fine` at
-    # zero. Beyond `reach` the last cubic goes on.
-    def __init__(self, reach: float, fine: float, ratio: float) -> None:
-        self._fine, self._ratio = fine, ratio
-        self._count = int(np.ceil(np.arcsinh(reach / fine) / ratio))
-        knots = fine * np.sinh(ratio * np.arange(-self._count - 3, self._count + 4))
+    # Near zero the distance of the knots is `ratio` times `fine`; then it grows in proportion to x,
+    # as `ratio` times x, up to `widest`. Beyond `reach` the last cubic goes on.
+
+    def __init__(self, reach: float, fine: float, ratio: float, widest: float) -> None:
+        self._fine, self._ratio, self._widest = fine, ratio, widest
+        #: Where the distance has become `widest`, and the number of the knot there.
+        self._turn = fine * float(np.sqrt(max((widest / (ratio * fine)) ** 2 - 1.0, 0.0)))
+        self._turn_number = float(np.arcsinh(self._turn / fine)) / ratio
+        self._count = int(np.ceil(self._numbers(np.array([reach]))[0]))
+        numbers = np.arange(-self._count - 3.0, self._count + 4.0)
+        graded = np.minimum(np.abs(numbers), self._turn_number)
+        beyond = np.abs(numbers) - graded
+        knots = np.copysign(fine * np.sinh(ratio * graded) + widest * beyond, numbers)
         self.knots: Floats = knots
         #: Places at which the values of a function are the coefficients.
         self.places: Floats = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
@@ -59,9 +66,16 @@ class GradedKnots:
 
     def find_cells(self, x: Floats) -> tuple[Ints, Floats]:
         """Find the cell of each place, and the distance from its first knot."""
-        found = np.arcsinh(x / self._fine) / self._ratio + self._count
+        found = self._numbers(x) + self._count
         cell = np.clip(found.astype(np.int64), 0, len(self._starts) - 1)
         return cell, x - self._starts.take(cell)
+
+    def _numbers(self, x: Floats) -> Floats:
+        """Compute the numbers of the knots at places, with fractions between them."""
+        size = np.abs(x)
+        near = np.minimum(size, self._turn)
+        numbers = np.arcsinh(near / self._fine) / self._ratio + (size - near) / self._widest
+        return np.copysign(numbers, x)
 
     def cubics(self, coefficients: Floats, axis: int = 0) -> Floats:
         """Compute the cubics of the cells from coefficients along an axis, lowest power first."""

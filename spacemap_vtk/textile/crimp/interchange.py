@@ -346,7 +346,18 @@ class Interchange:
         return digest_of(*cells, np.bincount(back), self.cell.sum(), *flags, self._law.numbers)
 
     def with_fewer_kinds(self, most: int) -> Interchange:
-        """Let crossings that are alike count as equal, if there are more than `most` kinds."""
+        """Let crossings that are alike count as equal.
+
+        Parameters
+        ----------
+        most : int
+            Largest number of kinds that are distinguished.
+
+        Returns
+        -------
+        Interchange
+            This one if it has no more kinds than that.
+        """
         first, back = self._kinds
         if len(first) <= most:
             return self
