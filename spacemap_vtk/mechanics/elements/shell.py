@@ -55,19 +55,47 @@ class MidSurface(NamedTuple):
     """Axis nearest to the direction across the layer."""
 
     def to_nodes(self, vertices: Floats) -> Floats:
-        """Convert values of the vertices to those of all p, followed by all δ, both (V, …)."""
+        """Convert values of the vertices to those of all p, followed by all δ.
+
+        Parameters
+        ----------
+        vertices : ndarray of float64, shape (V, …)
+            Values of the vertices.
+
+        Returns
+        -------
+        ndarray of float64, shape (V, …)
+            Values of p and of δ, in the same unit.
+        """
         upper, lower = vertices[self.pairs.T]
         return np.concatenate([(upper + lower) / 2, (upper - lower) / 2])
 
     def to_vertices(self, nodal: Floats) -> Floats:
-        """Convert values of p and δ to those of the vertices, both (V, …)."""
+        """Convert values of p and δ to those of the vertices.
+
+        Parameters
+        ----------
+        nodal : ndarray of float64, shape (V, …)
+            Values of all p, followed by all δ.
+
+        Returns
+        -------
+        ndarray of float64, shape (V, …)
+            Values of the vertices, in the same unit.
+        """
         middle, half = nodal.reshape(2, len(self.pairs), *nodal.shape[1:])
         result = np.empty_like(nodal)
         result[self.pairs[:, 0]], result[self.pairs[:, 1]] = middle + half, middle - half
         return result
 
     def node_matrix(self) -> csr_matrix:
-        """Build the matrix of `nodal`, (3V, 3V)."""
+        """Build the matrix of `to_nodes`.
+
+        Returns
+        -------
+        csr_matrix, shape (3V, 3V)
+            For vectors component by component.
+        """
         from scipy.sparse import bmat, csr_matrix, eye, kron
 
         count = len(self.pairs)
@@ -78,7 +106,15 @@ class MidSurface(NamedTuple):
         return kron(bmat([[ends[0] + ends[1]], [ends[0] - ends[1]]]) / 2, eye(3), format="csr")
 
     def vertex_nodes(self) -> tuple[Ints, Floats]:
-        """List the nodal vectors p and δ of each vertex, (V, 2), and their signs in it."""
+        """List the nodal vectors p and δ of each vertex, and their signs in it.
+
+        Returns
+        -------
+        nodes : ndarray of int64, shape (V, 2)
+            Numbers of p and δ.
+        signs : ndarray of float64, shape (V, 2)
+            1 or -1.
+        """
         count = len(self.pairs)
         nodes, signs = np.empty((2 * count, 2), dtype=np.int64), np.ones((2 * count, 2))
         nodes[self.pairs] = (np.arange(count)[:, None] + [0, count])[:, None]
@@ -86,12 +122,36 @@ class MidSurface(NamedTuple):
         return nodes, signs
 
     def thickness(self, points: Floats) -> Floats:
-        """Compute the length of each pair [m], (P,)."""
+        """Compute the length of each pair.
+
+        Parameters
+        ----------
+        points : ndarray of float64, shape (V, 3)
+            Vertices [m].
+
+        Returns
+        -------
+        ndarray of float64, shape (P,)
+            Lengths [m].
+        """
         upper, lower = points[self.pairs.T]
         return np.linalg.norm(upper - lower, axis=1)
 
     def relative_thickness(self, points: Floats, plate: Plate) -> Floats:
-        """Compute the relative thickness that determines a plate's stiffness at each pair, (P,)."""
+        """Compute the relative thickness that determines a plate's stiffness at each pair.
+
+        Parameters
+        ----------
+        points : ndarray of float64, shape (V, 3)
+            Vertices [m].
+        plate : Plate
+            The sheet.
+
+        Returns
+        -------
+        ndarray of float64, shape (P,)
+            Thickness over its mean; 1 where the stiffness does not follow it.
+        """
         own = self.thickness(points)
         return own / own.mean() if plate.follows_thickness else np.ones(len(own))
 
@@ -408,7 +468,18 @@ def shape_functions(at: Floats) -> Floats:
 
 
 def shape_slopes(at: Floats) -> Floats:
-    """Evaluate the derivatives of the shape functions along ξ and η, (2, 4)."""
+    """Evaluate the derivatives of the shape functions.
+
+    Parameters
+    ----------
+    at : ndarray of float64, shape (2,)
+        Coordinates ξ and η, from -1 to 1.
+
+    Returns
+    -------
+    ndarray of float64, shape (2, 4)
+        Derivatives along ξ and η.
+    """
     return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
 
 

@@ -96,13 +96,35 @@ class Tubes(NamedTuple):
         return np.stack([last - 3 * self.parts, last], axis=1).ravel()
 
     def ring_centres(self, points: NDArray[Any]) -> NDArray[Any]:
-        """Compute the centres of all rings, (rings, 3): control points of cubic Bézier curves."""
+        """Compute the centres of all rings: control points of cubic Bézier curves.
+
+        Parameters
+        ----------
+        points : ndarray of float, shape (N, 3)
+            Control points of all tubes [m].
+
+        Returns
+        -------
+        ndarray of float, shape (rings, 3)
+            Centres [m].
+        """
         rings = 3 * int(self.parts.sum()) + len(self.parts)
         there = points[self.first : self.first + rings * self.ring].reshape(rings, self.ring, 3)
         return there.mean(axis=1) if self.swelling is None else self.lens_frames(there)[0]
 
     def lens_frames(self, rings: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Compute centres, and vectors to the top and to the edge, of lenses before swelling."""
+        """Compute frames of lenses before swelling.
+
+        Parameters
+        ----------
+        rings : ndarray of float, shape (rings, ring, 3)
+            Control points of each ring [m].
+
+        Returns
+        -------
+        tuple of ndarray of float, shape (rings, 3)
+            Centres, and vectors to the top and to the edge [m].
+        """
         bottom, top, left, right = (rings[:, place] for place in (6, 0, 9, 3))
         lateral, normal = (
             (np.array([[self.aspect]]), np.array([[1.0, -1.0]]))

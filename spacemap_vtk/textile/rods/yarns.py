@@ -88,15 +88,47 @@ def basis_functions(t: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def unknowns(yarns: Sequence[Yarn], cell: Floats) -> Floats:
-    """Stack all control points and the two period vectors (2, 3), (n + 2, 3)."""
+    """Stack all control points and the two period vectors: the unknowns z.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        The yarns.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors [m].
+
+    Returns
+    -------
+    ndarray of float64, shape (n + 2, 3)
+        z [m].
+    """
     return np.concatenate([*(yarn.points for yarn in yarns), np.asarray(cell, dtype=np.float64)])
 
 
 def sample_yarns(
     yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _WEIGHTS, turn: float = 0.0
 ) -> Samples:
-    """Make the sparse matrices that give places, slopes and bends of yarns from z."""
-    # `at` and `weights` are the places of samples in each span, from 0 to 1, and their weights.
+    """Make the sparse matrices that give places, slopes and bends of yarns from z.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        The yarns.
+    at, weights : ndarray of float64, shape (g,), optional
+        Places of the samples in each span, from 0 to 1, and their weights; by default Gauss points.
+    turn : float, optional
+        Angle by which the cell is bent in a period along P1 [rad].
+
+    Returns
+    -------
+    Samples
+        g samples on each span.
+
+    Raises
+    ------
+    GeometryError
+        If a yarn has less than 4 control points.
+    """
     total = sum(len(yarn.points) for yarn in yarns)
     nodes, wraps, owner, where, spans = [], [], [], [], []
     first = 0
