@@ -147,39 +147,12 @@ def settle_model(
     gripped: Floats | None = None,
     progress: Progress | None = None,
 ) -> Resting:
-    """Find the equilibrium of a body under dead loads on obstacles with friction of their own.
-
-    Parameters
-    ----------
-    model : Model
-        The body.
-    forces : ndarray of float64, shape (3V,)
-        Forces on the vertices [N] of constant direction.
-    contacts : sequence of EnergyTerm
-        Terms that replace the model's own terms of obstacles and of friction between layers.
-    guess : ndarray of float64, shape (V, 3), optional
-        Displacement from which the search begins [m]; without it the body falls.
-    near : bool, optional
-        Whether the guess is a balance under loads, or on obstacles, that differ little.
-    released : ndarray of float64, shape (V, 3), optional
-        Displacement from which the body falls [m]; by default none.
-    gripped : ndarray of float64, shape (V, 3), optional
-        Displacement by which what grips hold is first moved from the guess [m].
-    progress : callable, optional
-        Called with the share that is done, 0 to 1; may raise to stop.
-
-    Returns
-    -------
-    Resting
-        Displacement and the anchors of friction.
-
-    Raises
-    ------
-    InputError
-        If nothing holds the body against the load, or it falls past its obstacles.
-    SolverError
-        If no stable state was found.
-    """
+    """Find the equilibrium of a body under dead loads on obstacles with friction of their own."""
+    # `contacts` replaces the model's own terms of obstacles and of friction between layers. The
+    # search begins from the displacement `guess` (V, 3); `near` tells that it is a balance under
+    # loads, or on obstacles, that differ little. Without a guess the body falls from the
+    # displacement `released`, by default from the undeformed state. From a guess, the vertices that
+    # grips hold are first moved by `gripped` (V, 3).
     # This imports scipy's solvers, which results from disk do not need.
     from spacemap_vtk.mechanics.contact.settle import settle
 
