@@ -408,7 +408,18 @@ def shape_functions(at: Floats) -> Floats:
 
 
 def shape_slopes(at: Floats) -> Floats:
-    """Evaluate the derivatives of the shape functions along ξ and η, (2, 4)."""
+    """Evaluate the derivatives of the four bilinear shape functions.
+
+    Parameters
+    ----------
+    at : ndarray of float64, shape (2,)
+        Point (ξ, η), from -1 to 1.
+
+    Returns
+    -------
+    ndarray of float64, shape (2, 4)
+        Derivatives along ξ and η at the corners, counter-clockwise.
+    """
     return np.stack([_CORNERS[:, i] * (1 + _CORNERS[:, 1 - i] * at[1 - i]) / 4 for i in range(2)])
 
 
