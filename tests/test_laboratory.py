@@ -14,7 +14,7 @@ from scipy.integrate import solve_bvp
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.laboratory import bending, biaxial, cantilever, drape, records, shear
+from spacemap_vtk.laboratory import bending, biaxial, cantilever, drape, records, shear, tensile
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
 from spacemap_vtk.laboratory.fabric import Fabric
 from spacemap_vtk.mechanics.elements.plates import Plate
@@ -320,3 +320,15 @@ def _seek(film: PIL.Image.Image) -> Iterator[None]:
     for number in range(getattr(film, "n_frames", 1)):
         film.seek(number)
         yield
+
+
+def test_fast_reads_its_extensions_off_the_curve() -> None:
+    """A sheet whose width does not matter, pulled: F = T λ (λ² - 1)/2 at 5, 20 and 100 gf/cm."""
+    plate = Plate(np.diag([4000.0, 6000.0, 30.0]), PLATE.bending)
+    extension, force, _ = tensile.pull_strip(Fabric(plate, 4e-4), 1, tensile.FAST_SIZE, (2, 4))
+    readings = tensile.fast_readings("warp", extension, force)
+    for reading, load in zip(readings, (5, 20, 100), strict=True):
+        assert reading.value is not None
+        stretch = 1 + reading.value
+        expected = load * records.GF_PER_CM.size
+        assert 6000.0 * stretch * (stretch**2 - 1) / 2 == pytest.approx(expected, rel=0.02)

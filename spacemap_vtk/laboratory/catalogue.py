@@ -60,9 +60,10 @@ TESTS = (
     LaboratoryTest(
         "tensile",
         "Tension",
-        "KES-FB1",
-        "20 cm x 5 cm between clamps 5 cm apart, with free sides, pulled to 500 gf/cm.",
-        "EMT, LT, WT, RT",
+        "KES-FB1, FAST-3",
+        "20 cm x 5 cm between clamps 5 cm apart, with free sides, pulled to 500 gf/cm; for FAST "
+        "5 cm x 10 cm between clamps 10 cm apart.",
+        "EMT, LT, WT, RT, E5, E20, E100",
     ),
     LaboratoryTest(
         "biaxial",

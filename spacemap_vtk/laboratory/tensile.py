@@ -5,7 +5,12 @@ the pull crimp more. The extension therefore lies between that of a held width a
 strip. A quarter of the specimen is computed, flat, with the law of the cloth; the clamps move apart
 in steps. The force is that on a clamp, per width at rest.
 
-Source: S. Kawabata, "Standardization and Analysis of Hand Evaluation", 2nd ed. (1980).
+E5, E20 and E100 are the extensions by which FAST-3 describes cloth: of a strip 5 cm wide between
+clamps 10 cm apart, at 5, 20 and 100 gf/cm.
+
+Sources: S. Kawabata, "Standardization and Analysis of Hand Evaluation", 2nd ed. (1980); N. G. Ly
+and others, "Simple instruments for quality control by finishers and tailors", Int. J. Clothing Sci.
+Tech. 3 (1991) 14, for FAST.
 """
 
 from __future__ import annotations
@@ -34,6 +39,10 @@ from spacemap_vtk.ndarrays import Floats, Ints, Progress
 WIDTH, LENGTH = 0.20, 0.05
 #: Cells along the width and the length of a quarter of the specimen.
 CELLS = (24, 10)
+#: Width of FAST-3's specimen and distance of its clamps [m], and cells of a quarter of it.
+FAST_SIZE, FAST_CELLS = (0.05, 0.10), (8, 16)
+#: Its loads per width [gf/cm].
+FAST_LOADS = (5, 20, 100)
 #: Steps up to the extension of a held width, and largest number of steps beyond.
 _STEPS, _MOST = 12, 240
 #: Mass per volume that the model needs, but no state at rest [kg/m³].
@@ -51,6 +60,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         found = end_at_largest(extension, force)
         curves.append(Curve(name, *found))
         readings += tensile_readings(name, *found)
+        readings += fast_readings(name, *pull_strip(fabric, axis, FAST_SIZE, FAST_CELLS)[:2])
         if states is None:
             states = _mirror(fabric, moved, np.stack([extension, force], axis=1))
         progress((number + 1) / len(DIRECTIONS))
@@ -61,6 +71,16 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         Axis("force per width", GF_PER_CM),
         states=states,
     )
+
+
+def fast_readings(name: str, extension: Floats, force: Floats) -> list[Reading]:
+    """Compute the extensions at the loads of FAST-3, 4.9, 19.6 and 98.1 N/m."""
+    loads = np.array(FAST_LOADS) * GF_PER_CM.size
+    found = np.interp(loads, force, extension)
+    return [
+        Reading(f"E{load}", f"extension at {load} gf/cm", name, float(each), PERCENT)
+        for load, each in zip(FAST_LOADS, found, strict=True)
+    ]
 
 
 def pull_strip(

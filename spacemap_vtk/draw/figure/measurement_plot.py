@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -35,6 +36,8 @@ DARK = Ink("#dfe6ee", "#8794a3", "#2b3440", "#1d232b")
 _WIDTH, _HEIGHT = 5.6, 4.2
 #: Dashes of a curve that lies on an earlier one.
 _DASHES = (0, (5, 3))
+#: Letters in a line of the legend.
+_LINE = 72
 #: Largest difference of curves that coincide, over their largest value.
 _SAME = 2e-3
 
@@ -126,4 +129,8 @@ def _describe_curve(measurement: Measurement, name: str) -> str:
         for reading in measurement.readings
         if reading.direction == name and reading.value is not None
     ]
-    return f"{name}: {', '.join(figures)}" if figures else name
+    text = f"{name}: {', '.join(figures)}" if figures else name
+    # Figures are not separated from their units.
+    return textwrap.fill(
+        text.replace(" ", "\N{NO-BREAK SPACE}").replace(",\N{NO-BREAK SPACE}", ", "), _LINE
+    )

@@ -148,9 +148,11 @@ def settle_model(
     progress: Progress | None = None,
 ) -> Resting:
     """Find the equilibrium of a body under dead loads on obstacles with friction of their own."""
-    # `contacts` replace the model's own terms of obstacles and of friction between layers. Without
-    # a `guess` (V, 3) the body falls from the displacement `released`. From a guess, what grips
-    # hold is first moved by `gripped`; `near` tells that it is a balance that differs little.
+    # `contacts` replaces the model's own terms of obstacles and of friction between layers. The
+    # search begins from the displacement `guess` (V, 3); `near` tells that it is a balance under
+    # loads, or on obstacles, that differ little. Without a guess the body falls from the
+    # displacement `released`, by default from the undeformed state. From a guess, the vertices that
+    # grips hold are first moved by `gripped` (V, 3).
     # This imports scipy's solvers, which results from disk do not need.
     from spacemap_vtk.mechanics.contact.settle import settle
 
