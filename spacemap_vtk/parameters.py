@@ -481,7 +481,8 @@ class Series(Parameter[Any]):
     @property
     def expected(self) -> str:
         """The form of each value, in words."""
-        return f"{self.component.expected}; or a list of these, {self.list_meaning}"
+        meaning = self.list_meaning and f", {self.list_meaning}"
+        return f"{self.component.expected}; or a list of these{meaning}"
 
     def text(self, value: Any) -> str:
         """Format the value, or the list with commas."""

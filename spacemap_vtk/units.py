@@ -163,10 +163,8 @@ def format_errors(texts: Sequence[str], errors: Sequence[float | None]) -> list[
 
 
 def format_with_error(value: float, error: float | None, unit: str, digits: int = 4) -> str:
-    """Format a value in a suitable unit, and its error in the same unit, rounded up.
-
-    The value has no digits below the second digit of the error.
-    """
+    """Format a value in a suitable unit, and its error in the same unit, rounded up."""
+    # The value has no digits below the second digit of the error.
     text = format_quantity(value, unit, digits)
     if error is None:
         return text

@@ -94,7 +94,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
             [
                 "export small.toml -q -o a.vtu",
                 "export small.toml -q -o a.stl",
-                "modes small.toml -q --json",
+                "modes small.toml -q --json --no-errors",
             ],
             _FILTERS,
         ),

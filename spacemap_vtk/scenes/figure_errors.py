@@ -35,20 +35,10 @@ def add_errors(
     coarse: dict[str, Any] | None = None,
     estimates: ErrorEstimates | None = None,
 ) -> None:
-    """Add an error to each figure that can have one.
-
-    Parameters
-    ----------
-    figures : dict
-        ``modes``, ``hung``, ``contact`` and ``reactions`` of
-        `spacemap_vtk.scenes.report.report_modes`. Each mode gets ``error``, relative, and each
-        other figure ``…_error`` in its unit; and each table ``converged``. The error of a force or
-        moment is that of its size and direction: the size of a vector.
-    coarse : dict, optional
-        The figures of the coarser cage.
-    estimates : ErrorEstimates, optional
-        The solutions on both cages; without them all errors are None.
-    """
+    """Add an error to each figure of `scenes.report.report_modes` that can have one."""
+    # Each mode gets ``error``, relative, and each other figure ``…_error`` in its unit; and each
+    # table ``converged``. The error of a force or moment is the size of a vector. `coarse` are the
+    # figures of the coarser cage; without `estimates` all errors are None.
     for number, mode in enumerate(figures["modes"]):
         estimate = None if estimates is None else estimates.frequencies[number]
         mode["error"] = None if estimate is None else estimate.error
@@ -65,20 +55,8 @@ def add_errors(
 
 
 def describe_unconverged(figures: dict[str, Any], cage: TetraCage) -> str:
-    """Describe the figures that are not converged, and suggest a cage.
-
-    Parameters
-    ----------
-    figures : dict
-        Figures with their errors.
-    cage : TetraCage
-        The stage that made the cage.
-
-    Returns
-    -------
-    str
-        A sentence without a full stop; empty if all figures are converged, or have no error.
-    """
+    """Describe the figures that are not converged in a sentence, and suggest a cage."""
+    # It is empty if all figures are converged, or have no error.
     parts, errors = [], []
     numbers = [n for n, mode in enumerate(figures["modes"], 1) if mode["converged"] is False]
     if numbers:

@@ -88,29 +88,10 @@ _NO_YARN_FIGURES = dict.fromkeys(
 
 
 def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
-    """Return the modes of a scene's cage.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene with a solver; it is updated.
-    errors : bool, optional
-        Whether to estimate the error of each figure by a second solution on a coarser cage, see
-        `spacemap_vtk.filters.error_estimates.estimate_errors`. None: unless that cage takes long
-        to make.
-
-    Returns
-    -------
-    dict
-        Figures by name. ``error`` of a mode is relative; other errors have the unit of their
-        figure. An error is None if it is not estimated; ``errors_missing`` then says why.
-        ``unconverged`` is a sentence about figures that are not converged, or None.
-
-    Raises
-    ------
-    InputError
-        If the scene has no modes.
-    """
+    """Return the modes of a scene's cage, and other figures of its state at rest, by name."""
+    # `errors` asks for the error of each figure by a second solution on a coarser cage; None:
+    # unless it takes long to make that cage. ``error`` of a mode is relative; other errors have the
+    # unit of their figure. One that is not estimated is None, and ``errors_missing`` says why.
     solver, mover = scene.stage("solver"), scene.stage("mover")
     if solver is None:
         missing, cure = "a motion from a file", "Replace [motion] by [modal]."

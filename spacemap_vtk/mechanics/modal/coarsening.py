@@ -19,20 +19,10 @@ _LINE_TOLERANCE = 1e-6
 
 
 def coarsen(model: Model) -> Model | None:
-    """Make the model of a sheet with cells twice as wide, if possible.
-
-    Parameters
-    ----------
-    model : Model
-        Model of a sheet.
-
-    Returns
-    -------
-    Model or None
-        Undeformed, with the supports of the vertices that are kept. None if the mesh is not a
-        rectangular lattice of at least four by four cells, or if there are fittings (springs,
-        masses, factors, …) or further energy terms other than obstacles.
-    """
+    """Make the undeformed model of a sheet with cells twice as wide, if possible."""
+    # It has the supports of the vertices that are kept. None if the mesh is not a rectangular
+    # lattice of at least four by four cells, or if there are fittings (springs, masses, factors, …)
+    # or further energy terms other than obstacles.
     surface, plate = model.pencil.surface, model.plate
     obstacles = [term for term in model.terms if isinstance(term, ObstacleTerm)]
     if surface is None or plate is None or model.fittings.given:

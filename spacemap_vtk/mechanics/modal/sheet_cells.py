@@ -30,25 +30,9 @@ class SheetCells(NamedTuple):
 
 
 def highest_wave_number(sides: tuple[float, float], modes: int) -> float:
-    """Estimate the wave number of the highest of the lowest modes of a sheet.
-
-    Parameters
-    ----------
-    sides : tuple of float
-        Sides of the rectangle [m].
-    modes : int
-        Number of modes n.
-
-    Returns
-    -------
-    float
-        Wave number k [1/m].
-
-    Notes
-    -----
-    Weyl's law for a sheet with free edges, area A and perimeter P: n = A k²/4π + P k/4π. H. Weyl,
-    "Das asymptotische Verteilungsgesetz der Eigenwerte", Math. Ann. 71 (1912) 441.
-    """
+    """Estimate the wave number [1/m] of the highest of the lowest modes of a sheet."""
+    # Weyl's law for a sheet with free edges, area A and perimeter P: n = A k²/4π + P k/4π. H. Weyl,
+    # "Das asymptotische Verteilungsgesetz der Eigenwerte", Math. Ann. 71 (1912) 441.
     area, perimeter = sides[0] * sides[1], 2 * (sides[0] + sides[1])
     return (math.sqrt(perimeter**2 + 16 * math.pi * modes * area) - perimeter) / (2 * area)
 
