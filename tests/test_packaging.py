@@ -90,6 +90,13 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
 _LIBRARY = Path("spacemap_vtk/library")
 
 
+def test_every_folder_with_modules_is_packaged() -> None:
+    listed = re.findall(r"^    (spacemap_vtk[\w.]*)$", (ROOT / "setup.cfg").read_text(), re.M)
+    folders = {file.parent for file in (ROOT / "spacemap_vtk").rglob("__init__.py")}
+    found = {".".join(folder.relative_to(ROOT).parts) for folder in folders}
+    assert set(listed) == found | {"spacemap_vtk.library"}
+
+
 def test_the_version_has_one_source_and_metadata_is_complete() -> None:
     reported = importlib.metadata.metadata("spacemap_vtk")
     version = spacemap_vtk.__version__
