@@ -1,0 +1,1 @@
+"""The science of textiles: drafts, weaves, geometry, patches, crimp, rods, projects."""
