@@ -78,3 +78,6 @@ def test_info_names_the_textile(capsys):
     found = json.loads(capsys.readouterr().out)["textile"]
     assert found["loop_length"] / found["course_spacing"] == pytest.approx(5.42, rel=0.005)
     assert found["largest_overlap"] < 0.005
+    assert found["kind"] == "knit"
+    assert found["cell"][0][0] == pytest.approx(found["wale_spacing"])
+    assert found["cell"][1][1] == pytest.approx(found["course_spacing"])

@@ -57,6 +57,11 @@ class Textile:
         return None
 
     @property
+    def cell(self) -> Floats | None:
+        """Two vectors after which the yarns repeat themselves [m], (2, 3)."""
+        return None
+
+    @property
     def linear_densities(self) -> Floats | None:
         """Mass per length of each yarn [kg/m], (yarns,)."""
         return None

@@ -77,6 +77,12 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
         return True
 
     @property
+    def cell(self) -> Floats:
+        """Two vectors after which yarns repeat themselves [m], (2, 3); 0 where they do not."""
+        textile = self._textile
+        return textile.rest().cell * textile.scale
+
+    @property
     def linear_densities(self) -> Floats:
         """Mass per length of each yarn [kg/m]."""
         textile = self._textile

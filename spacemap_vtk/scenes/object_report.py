@@ -71,11 +71,12 @@ def report_textile(scene: Scene) -> dict[str, Any] | None:
         return None
     diameters, extent, masses = made.yarn_diameters, made.extent, made.linear_densities
     return {
-        "kind": scene.source.section,
+        "kind": getattr(scene.source, "kind", scene.source.section),
         "yarns": len(diameters),
         "families": dict(made.families),
         "diameters": [float(diameters.min()), float(diameters.max())],
         "extent": None if extent is None else extent.tolist(),
+        "cell": None if made.cell is None else made.cell.tolist(),
         "linear_densities": None if masses is None else [float(masses.min()), float(masses.max())],
         **{measure.key: measure.value for measure in made.figures},
     }
