@@ -48,7 +48,7 @@ COMMANDS = [line for block in blocks("sh", TEXT + PLANS) for line in block.split
 
 
 #: Words of commands that run nightly: test_scenes.py lays that cloth down; one plot is enough.
-SLOW = (" overhang", "--quantity")
+SLOW = (" overhang", "--quantity", "helicoid.csv")
 
 
 @pytest.mark.parametrize(

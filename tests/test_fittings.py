@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -12,13 +14,16 @@ from spacemap_vtk.mechanics.boundary.fittings import Fittings, point_masses, spr
 from spacemap_vtk.mechanics.boundary.loads import find_side_faces, traction_forces
 from spacemap_vtk.mechanics.boundary.supports import held_directions, rigid_bodies
 from spacemap_vtk.mechanics.elements.materials import isotropic
-from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements, homogeneous_plate
+from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
 from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.residual_vectors import participation
 
 LINEAR = build_lattice((0, 2, 0, 3, 0, 1), (3, 4, 2))
 QUADRATIC = add_midpoints(*LINEAR)
+
+#: The stiffness of a plate.
+PARTS = ("membrane", "bending", "shear", "thickness")
 
 
 @pytest.mark.parametrize("mesh", [LINEAR, QUADRATIC], ids=["linear", "quadratic"])
@@ -238,7 +243,7 @@ def test_factor_equals_another_material(kind):
     def make_model(stiff=None, heavy=None, factor=1.0, density=RHO):
         fitted = Fittings(stiffness_factors=stiff, mass_factors=heavy)
         if kind == "sheet":
-            scaled = Plate(*(factor * part for part in vars(material).values()))
+            scaled = replace(material, **{n: factor * getattr(material, n) for n in PARTS})
         else:
             scaled = factor * material
         return Model(points, cells, scaled, density, held, False, None, fitted)

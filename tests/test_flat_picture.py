@@ -123,6 +123,7 @@ def test_draft_of_many_yarns_has_a_larger_picture(narrow: Path) -> None:
     assert picture_size(red_and_blue(narrow, "weave.picks=951")) == (round(2400 * 8 / 951), 2400)
 
 
+@pytest.mark.nightly
 def test_only_the_beginning_of_a_very_long_draft_is_drawn(tmp_path: Path) -> None:
     file = tmp_path / "long.txt"
     whole = np.add.outer(np.arange(3000), np.arange(20)) % 5 < 2

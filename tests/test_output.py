@@ -43,6 +43,8 @@ WRITERS = {
     "x.usdc": f"export plain_weave {SMALL} --times 0 -o",
     "x.usda": f"export plain_weave {SMALL} --times 0 -o",
     "x.obj": f"export plain_weave {SMALL} -o",
+    "x.bcc": f"export plain_weave {SMALL} -o",
+    "x.tg3": f"export plain_weave {SMALL} -o",
     "x.csv": f"export plain_weave {SMALL.replace('=3', '=5')} -o",
     "x.inp": f"export plain_weave {SMALL} --set cage.divisions=[9,9,1] --set modal.modes=1 -o",
     "x.vtkhdf": f"export plain_weave {SMALL} --times 0,0.02 -o",

@@ -206,6 +206,13 @@ def test_ranges_units_and_choices_are_shown() -> None:
         assert xml(name).findtext("Hints/PlaceholderText") == f"auto ({says})"
 
 
+#: Values of automatic parameters that are not numbers.
+EXAMPLES = {
+    "damping_pairs": [["1 Hz", 0.1], ["2 Hz", 0.1]],
+    "lifts": ["1 2", "30", "1 2", "03"],
+}
+
+
 @pytest.mark.parametrize("name", PROXIES)
 def test_the_panel_shows_the_properties_in_use(name: str) -> None:
     """Evaluate visibility as ParaView does, for each value of the controlling properties."""
@@ -216,7 +223,7 @@ def test_the_panel_shows_the_properties_in_use(name: str) -> None:
         parameter = stage.parameters[key]
         values = getattr(parameter, "choices", None) or (parameter.default, True)
         if parameter.optional:
-            values = (None, [["1 Hz", 0.1], ["2 Hz", 0.1]] if key == "damping_pairs" else "0.1")
+            values = (None, EXAMPLES.get(key, "0.1"))
         for value in values:
             made = stage(**{key: value})
             written = {

@@ -75,6 +75,7 @@ def test_taut_yarns_of_plain_weave_have_peirce_s_crimp(room, crimp):
     assert found.lengths / (2 * room) - 1.0 == pytest.approx(crimp, rel=0.01)
 
 
+@pytest.mark.nightly
 def test_a_trefoil_is_as_short_as_the_tightest_that_is_known():
     angle = 2 * np.pi * np.arange(60) / 60
     knot = np.stack(
@@ -99,6 +100,7 @@ def test_stockinette_has_the_loops_of_another_solution():
     assert found.overlap < 0.005
 
 
+@pytest.mark.nightly
 def test_rib_is_narrow_and_garter_short_and_both_are_thick():
     plain, wale, course = spacings(["k"])
     thick = np.ptp(plain.yarns[0].points[:, 2]) + 1.0

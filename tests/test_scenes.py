@@ -369,13 +369,6 @@ SHORTER = {
 
 #: Scenes whose stages other tests run on less. Of these the gate makes the cloth and the cage only.
 LONG = {
-    "garter",
-    "handweaving",
-    "leno",
-    "orthogonal_weave",
-    "rib_1x1",
-    "rib_2x2",
-    "seed_stitch",
     "animal_in_carved_cage",
     "arm",
     "capstan",
@@ -386,12 +379,22 @@ LONG = {
     "drape",
     "drop",
     "fold",
+    "garter",
+    "handweaving",
     "helicoid",
+    "leno",
     "let_go",
     "lever_in_tetwild_cage",
+    "orthogonal_weave",
+    "rib_1x1",
+    "rib_2x2",
+    "seed_stitch",
     "squall",
     "swing",
     "tablecloth",
+    "three_strand_plait",
+    "tubular_braid",
+    "yarn_tension",
     "yarn_to_cloth",
 }
 
@@ -401,11 +404,13 @@ NO_CAGE = {
     "garter",
     "handweaving",
     "leno",
-    "orthogonal_weave",
     "lever_in_tetwild_cage",
+    "orthogonal_weave",
     "rib_1x1",
     "rib_2x2",
     "seed_stitch",
+    "three_strand_plait",
+    "tubular_braid",
 }
 
 
@@ -494,7 +499,7 @@ SLOW_SCRIPTS = {"film_with_pyvista", "in_pieces"}
     ("draws", "slow"),
     [
         pytest.param(True, False, id="drawing"),
-        pytest.param(False, False, id="not drawing"),
+        pytest.param(False, False, id="not drawing", marks=pytest.mark.nightly),
         pytest.param(True, True, id="slow and drawing", marks=pytest.mark.nightly),
         pytest.param(False, True, id="slow and not drawing", marks=pytest.mark.nightly),
     ],

@@ -32,6 +32,7 @@ from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.mechanics.equilibrium.energy_terms import assemble_tangent
 from spacemap_vtk.mechanics.modal.damping import Damping
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.mechanics.transient.stepper import COLUMNS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.geometry.point_clearance import point_clearances
 
@@ -120,12 +121,13 @@ def test_strip_that_falls_onto_itself_keeps_its_distance_and_its_energy() -> Non
         damping=Damping(beta=5e-4),
     )
     motion.step_until(0.03)
-    size = (motion.states.shape[1] - 8) // 2
+    size = (motion.states.shape[1] - COLUMNS) // 2
     surface = model.pencil.surface
     assert surface is not None
+    places = motion.states[:, COLUMNS : COLUMNS + size]
     nearest = min(
-        distance_of_layers(own, surface.to_vertices(motion._integrator._nodal(row[8 : 8 + size])))
-        for row in motion.states
+        distance_of_layers(own, surface.to_vertices(motion._integrator._nodal(place)))
+        for place in places
     )
     assert own._thickness < nearest < 1.5 * own._thickness
     assert drift(motion) < 1e-8

@@ -91,6 +91,17 @@ def add_number(data: vtkFieldData, name: str, value: float) -> None:
     data.AddArray(array)
 
 
+def add_text(data: vtkFieldData, name: str, text: str) -> None:
+    """Add a text as an array of bytes: other programs cannot read arrays of strings."""
+    add_array(data, name, np.frombuffer(text.encode(), dtype=np.uint8).copy())
+
+
+def text_of(data: vtkFieldData, name: str) -> str | None:
+    """Return a text that `add_text` has written; None without one."""
+    array = data.GetArray(name)
+    return None if array is None else vtk_to_numpy(array).astype(np.uint8).tobytes().decode()
+
+
 def color_array_name(data: vtkFieldData) -> str | None:
     """Return the name of the first array of RGB or RGBA bytes, or None."""
     for i in range(data.GetNumberOfArrays()):

@@ -10,7 +10,14 @@ import numpy as np
 from vtkmodules.vtkCommonCore import vtkDataArray, vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, elements_of, points_of
+from spacemap_vtk.datasets.arrays import (
+    add_array,
+    add_text,
+    array_of,
+    elements_of,
+    points_of,
+    text_of,
+)
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.contact.obstacle_term import Contact
 from spacemap_vtk.mechanics.contact.resting import report_contact, rested_terms
@@ -120,10 +127,7 @@ def _add_law(grid: vtkUnstructuredGrid, law: MembraneLaw | None) -> None:
             field.RemoveArray(name)
     if law is None:
         return
-    kind = vtkStringArray()
-    kind.SetName(_LAW)
-    kind.InsertNextValue(law.kind)
-    field.AddArray(kind)
+    add_text(field, _LAW, law.kind)
     for name, values in law.arrays.items():
         # VTK's arrays have at most two dimensions.
         add_array(field, _LAW_ARRAY.format(name), np.atleast_1d(values))
@@ -132,7 +136,7 @@ def _add_law(grid: vtkUnstructuredGrid, law: MembraneLaw | None) -> None:
 def _law_of(grid: vtkUnstructuredGrid) -> MembraneLaw | None:
     """Return the law of a sheet's membrane; None if it is linear."""
     field, prefix = grid.GetFieldData(), _LAW_ARRAY.format("")
-    kind = field.GetAbstractArray(_LAW)
+    kind = text_of(field, _LAW)
     if kind is None:
         return None
     names = [field.GetArrayName(k) or "" for k in range(field.GetNumberOfArrays())]
@@ -141,7 +145,7 @@ def _law_of(grid: vtkUnstructuredGrid) -> MembraneLaw | None:
         for name in names
         if name.startswith(prefix)
     }
-    return _LAWS[kind.GetValue(0)](**arrays)
+    return _LAWS[kind](**arrays)
 
 
 def add_terms(

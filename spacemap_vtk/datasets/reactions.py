@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from vtkmodules.vtkCommonCore import vtkStringArray
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.datasets.arrays import add_array, array_of
+from spacemap_vtk.datasets.arrays import add_array, add_text, array_of, text_of
 from spacemap_vtk.mechanics.boundary.reactions import Reaction
 from spacemap_vtk.ndarrays import Floats
 
@@ -66,11 +65,7 @@ def set_reactions(grid: vtkUnstructuredGrid, reactions: Sequence[Reaction]) -> N
         field.RemoveArray(name)
     if not reactions:
         return
-    names = vtkStringArray()
-    names.SetName(_NAMES)
-    for each in reactions:
-        names.InsertNextValue(f"{each.kind} {each.name}".strip())
-    field.AddArray(names)
+    add_text(field, _NAMES, json.dumps([(each.kind, each.name) for each in reactions]))
     for name, part in zip(_PARTS, ("force", "moment", "about"), strict=True):
         add_array(field, name, np.array([getattr(each, part) for each in reactions]))
 
@@ -91,13 +86,13 @@ def remove_reactions(grid: vtkUnstructuredGrid) -> None:
 def reactions_of(grid: vtkUnstructuredGrid) -> list[Reaction]:
     """Return the reactions of all bodies that hold a cage at rest; empty without an equilibrium."""
     field = grid.GetFieldData()
-    names = field.GetAbstractArray(_NAMES)
+    names = text_of(field, _NAMES)
     if names is None:
         return []
     parts = [array_of(field, name, _OWNER).reshape(-1, 3) for name in _PARTS]
     return [
-        Reaction(*_split(names.GetValue(k)), *(part[k] for part in parts))
-        for k in range(names.GetNumberOfValues())
+        Reaction(kind, name, *(part[k] for part in parts))
+        for k, (kind, name) in enumerate(json.loads(names))
     ]
 
 
@@ -116,18 +111,10 @@ def path_reactions_of(grid: vtkUnstructuredGrid) -> PathReactions | None:
 
 def add_bearings(grid: vtkUnstructuredGrid, recipe: Mapping[str, Any]) -> None:
     """Write the places of supports and grips, numbers and texts only, as JSON."""
-    array = vtkStringArray()
-    array.SetName(_BEARINGS)
-    array.InsertNextValue(json.dumps(recipe))
-    grid.GetFieldData().AddArray(array)
+    add_text(grid.GetFieldData(), _BEARINGS, json.dumps(recipe))
 
 
 def bearings_recipe(grid: vtkUnstructuredGrid) -> dict[str, Any]:
     """Return what `add_bearings` has written; empty if nothing."""
-    array = grid.GetFieldData().GetAbstractArray(_BEARINGS)
-    return {} if array is None else json.loads(array.GetValue(0))
-
-
-def _split(name: str) -> tuple[str, str]:
-    kind, _, rest = name.partition(" ")
-    return kind, rest
+    text = text_of(grid.GetFieldData(), _BEARINGS)
+    return {} if text is None else json.loads(text)
