@@ -182,6 +182,7 @@ def test_a_surface_is_filled_once(cache: Path) -> None:
     assert check_mesh(third.points, tetrahedra_of(third)) == pytest.approx(2.0, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_a_ball_is_enclosed_with_its_mass_and_lambs_frequencies(cache: Path) -> None:
     pytest.importorskip("pytetwild")
     ball = pv.Sphere(radius=0.05, theta_resolution=20, phi_resolution=20)

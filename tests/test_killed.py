@@ -12,7 +12,7 @@ import pytest
 @pytest.mark.parametrize(
     "words",
     [
-        ("2", "21", "a.vtu"),
+        pytest.param(("2", "21", "a.vtu"), marks=pytest.mark.nightly),
         pytest.param(("300", "21"), marks=pytest.mark.nightly),
         pytest.param(("both",), marks=pytest.mark.nightly),
     ],

@@ -67,6 +67,7 @@ def run(*arguments: str) -> int:
     return int(ended.value.code or 0)
 
 
+@pytest.mark.nightly
 def test_storyboard_has_a_row_for_each_motion(tmp_path: Path) -> None:
     file = tmp_path / "board.png"
     board = ["storyboard", "swing", "--times", "0,0.3,1", "--size", "300x240", "-q"]

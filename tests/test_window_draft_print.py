@@ -32,6 +32,7 @@ def fill_dialog(seen: list[str]) -> None:
     QTest.mouseClick(dialog.save_button, Qt.MouseButton.LeftButton)
 
 
+@pytest.mark.nightly
 def test_the_draft_tab_prints_a_draft(
     draft_of: Any, twill: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

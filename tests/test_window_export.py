@@ -49,6 +49,7 @@ def fill_dialog(file: Path, width: int, height: int, seen: int) -> None:
     QTest.mouseClick(save, Qt.MouseButton.LeftButton)
 
 
+@pytest.mark.nightly
 def test_exported_picture_has_the_camera_of_the_window(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
     window.tools.part_actions["cage"].trigger()
@@ -233,6 +234,7 @@ def test_film_has_all_its_frames(open_scene: Any, tmp_path: Path) -> None:
     assert sorted(tmp_path.glob(".spacemap*")) == []
 
 
+@pytest.mark.nightly
 def test_cancelled_film_leaves_no_file(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
