@@ -143,7 +143,7 @@ LIMITS: dict[str, Limit] = {
         found="Poisson's ratio is {}",
         most=0.45,
         unit="",
-        basis="stiffness of blocks against quadratic tetrahedra (`tests/test_materials.py`)",
+        basis="the usual limit: volumetric locking grows as 1/(1 - 2 ν)",
         beyond="it is too stiff (volumetric locking)",
         cure="set [cage] order = 2 (quadratic tetrahedra), or lower poissons_ratio to 0.45",
     ),
@@ -250,9 +250,8 @@ LIMITS: dict[str, Limit] = {
         found="the width of a cell is {} of half that of an obstacle that it touches",
         most=1.0,
         unit="%",
-        basis="strips over rods: their ends hang up to 20 % too far apart where cells are as wide "
-        "as the radius, and 40 % at twice that; the rod enters the sheet by 9 and 43 % of its "
-        "radius (`tests/test_applicability.py`)",
+        basis="trials of strips over rods: where cells are as wide as the radius, the rod enters "
+        "the sheet by 3 to 10 % of it, and at twice that by 10 to 43 %",
         beyond="the cage lies on it too flat, and enters it or passes it between two samples",
         cure="increase cage.divisions, or use a thicker obstacle",
     ),
