@@ -51,6 +51,8 @@ _TIPS = (
 )
 #: An effective mass below this fraction is shown as a dash.
 _MIN_MASS = 0.005
+#: How often it is checked that the estimate of errors has not been replaced, in ms.
+_RETRY = 500
 #: Period of the animation on the screen in s, whatever the mode's frequency.
 _PERIOD = 1.2
 _TICK = 15
@@ -120,6 +122,9 @@ class ModesTab(QWidget):
             "on the cells"
         )
         self.errors_button.clicked.connect(self._request_errors)
+        # Other background work may take the place of the estimate, which is then requested again.
+        self._retry = QTimer(self, interval=_RETRY)
+        self._retry.timeout.connect(self._retry_errors)
         self._engine = engine
         engine.background_ready.connect(self._receive_errors)
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.amplitude_text)
@@ -252,7 +257,15 @@ class ModesTab(QWidget):
         self._set_estimating(True)
         self._engine.start_background(compute_errors)
 
+    def _retry_errors(self) -> None:
+        if self._engine.background is None and not self._engine.busy:
+            self._engine.start_background(compute_errors)
+
     def _set_estimating(self, is_running: bool) -> None:
+        if is_running:
+            self._retry.start()
+        else:
+            self._retry.stop()
         self.errors_button.setEnabled(not is_running)
         self.errors_button.setText("Estimating errors …" if is_running else "Estimate errors")
 
