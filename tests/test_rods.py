@@ -101,6 +101,13 @@ def test_stockinette_has_the_loops_of_another_solution():
 
 
 @pytest.mark.nightly
+def test_short_loops_have_the_shape_of_another_solution():
+    cell = relax_knit(["k"], 14.0).cell
+    assert 14.0 / cell[1, 1] == pytest.approx(6.11, rel=0.01)
+    assert 14.0 / cell[0, 0] == pytest.approx(3.49, rel=0.01)
+
+
+@pytest.mark.nightly
 def test_rib_is_narrow_and_garter_short_and_both_are_thick():
     plain, wale, course = spacings(["k"])
     thick = np.ptp(plain.yarns[0].points[:, 2]) + 1.0

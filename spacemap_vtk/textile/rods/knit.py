@@ -40,8 +40,9 @@ _STRIP = 4
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1: yarns stretch by
 #: less than 0.1 % and overlap by less than 0.6 %.
 _TENSION, _CONTACT = 1e3, 3e3
-#: Diameters of yarn in a stitch for which loops are possible and hold each other.
-SHORTEST, LONGEST = 12.0, 40.0
+#: Diameters of yarn in a stitch: yarns of shorter loops overlap by more than 0.6 %, and longer ones
+#: do not hold each other.
+SHORTEST, LONGEST = 14.0, 40.0
 
 
 class KnitGuess(NamedTuple):
@@ -107,7 +108,7 @@ def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = N
             "a stitch has too little or too much yarn",
             key="stitch_length",
             value=f"{length:.4g} diameters",
-            allowed=f"{SHORTEST:g} to {LONGEST:g} diameters; usual knits have 14 to 25",
+            allowed=f"{SHORTEST:g} to {LONGEST:g} diameters; usual knits have up to 25",
         )
     guess, count = draw_knit(rows, length), len(rows)
     mechanics = _mechanics(count, length)

@@ -47,6 +47,9 @@ LAST = Stage(1.0, 1.0, 1e-10)
 NEAREST = 0.15
 #: Largest move of two samples against each other in a step, as a share of the least distance.
 SAFE = 0.25
+#: Where no step lowers the energy any more, yarns are at rest if no force is above this share of
+#: EA; soft yarns go on to the next stage.
+STALLED = 1e-5
 #: The exact tangent is tried after a step that moves nothing by more than this share of a diameter.
 EXACT = 0.1
 #: Pairs are found again when they may have come nearer by this share of a diameter.
@@ -158,7 +161,11 @@ class _Search:
         damping, exact = first, False
         while abs(force := state.gradient.ravel()[self._active]).max() > limit:
             self.steps += 1
-            if self.steps > self._max_steps or damping > most:
+            stalled = damping > most
+            still = abs(force).max() <= STALLED * float(energy.mechanics.tension.max())
+            if stalled and (still or stage.stiffness < 1.0):
+                break
+            if self.steps > self._max_steps or stalled:
                 raise SolverError(
                     f"the yarns did not come to rest in {self.steps} steps",
                     cure="Give a first guess that is nearer, longer yarns, or a stiffer contact",
