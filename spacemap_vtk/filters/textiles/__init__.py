@@ -1,4 +1,4 @@
-"""Kinds of textiles: every module of this folder that has a class of `TextileKind` adds one."""
+"""Kinds of textiles: each subclass of `TextileKind` in a module of this folder is registered."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """What a kind of textile declares: its parameters, its yarns as drawn, its piece and its figures.
 
-A kind is a class of `TextileKind` with a `name`, in a module of this folder; nothing else has to be
+A kind is a subclass of `TextileKind` with a `name`, in a module of this folder; nothing else has to be
 changed. Its parameters become those of TextileSource, used only if `kind` is its name. Parameters
 of several kinds are declared once, in a class from which these inherit.
 """
@@ -327,7 +327,7 @@ class Crossed(TextileKind):
 
 
 def combine(kinds: Mapping[str, type[TextileKind]], first: Iterable[str]) -> type[Parameterised]:
-    """Make the class of all parameters of several kinds, each used by its own kinds only."""
+    """Make a class with the parameters of several kinds; each has an effect for its kinds only."""
     # `first` names the kinds that come first in the choice, the default before all.
     names = list(dict.fromkeys([*first, *sorted(kinds)]))
     declared: dict[str, Parameter[Any]] = {

@@ -52,7 +52,7 @@ SAFE = 0.25
 STALLED = 1e-5
 #: The exact tangent is tried after a step that moves nothing by more than this share of a diameter.
 EXACT = 0.1
-#: Pairs are found again when they may have come nearer by this share of a diameter.
+#: The list of pairs is rebuilt once samples may have approached by this share of a diameter.
 MARGIN = 0.5
 #: Damping: at first, and its least and largest value, as shares of the largest stiffness …
 DAMPING = (1e-3, 1e-11, 1e6)

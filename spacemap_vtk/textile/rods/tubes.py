@@ -139,7 +139,7 @@ def spline_lines(
 
 def _carry_frames(place: Floats, tangent: Floats, up: Floats) -> Floats:
     """Carry a normal along a line without twisting it about the line, (n, 3)."""
-    # Any normals will do to begin with: the angles by which they twist are summed and taken away.
+    # Start from arbitrary normals, and subtract the twist that accumulates along the line.
     other = np.eye(3)[abs(tangent).argmin(axis=1)]
     normal = np.cross(tangent, other)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
