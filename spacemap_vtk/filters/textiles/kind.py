@@ -1,8 +1,8 @@
 """What a kind of textile declares: its parameters, its yarns as drawn, its piece and its figures.
 
-A kind is a subclass of `TextileKind` with a `name`, in a module of this folder; nothing else has to be
-changed. Its parameters become those of TextileSource, used only if `kind` is its name. Parameters
-of several kinds are declared once, in a class from which these inherit.
+A kind is a subclass of `TextileKind` with a `name`, in a module of this folder; nothing else has to
+be changed. Its parameters become those of TextileSource and have an effect only if `kind` is its
+name. Parameters of several kinds are declared once, in a class from which these inherit.
 """
 
 from __future__ import annotations
