@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass
 
+from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
 
@@ -13,7 +14,7 @@ from spacemap_vtk.scenes.scene import Scene
 class ModeErrors:
     """Errors of all frequencies of a scene."""
 
-    #: Frequencies in Hz, by which the modes are recognised.
+    #: Frequencies in Hz, by which the modes are recognised; empty if the solution failed.
     frequencies: list[float]
     #: Their errors in Hz; None if unknown.
     errors: list[float | None]
@@ -24,7 +25,10 @@ class ModeErrors:
 def compute_errors(scene: Scene) -> Generator[float | None, None, ModeErrors]:
     """Solve a scene again in wider cells, and return the errors of its frequencies."""
     yield None
-    figures = report_modes(scene, True)
+    try:
+        figures = report_modes(scene, True)
+    except SpacemapError as error:
+        return ModeErrors([], [], f"No errors: {error}")
     frequencies = [mode["frequency_hz"] for mode in figures["modes"]]
     errors = [
         None if mode["error"] is None else mode["error"] * mode["frequency_hz"]

@@ -271,15 +271,14 @@ class ModesTab(QWidget):
 
     def _receive_errors(self, result: Any) -> None:
         """Write the errors beside the frequencies, if the modes are still the same."""
-        if self.errors_button.isEnabled():
+        if not isinstance(result, ModeErrors):
             return  # the result was requested by another tab
         self._set_estimating(False)
-        if isinstance(result, Exception):
-            self.unresolved.setText(f"No errors: {result}")
-            self.unresolved.show()
-        if not isinstance(result, ModeErrors):
-            return
-        if not np.array_equal(result.frequencies, self.response.frequencies):
+        if result.frequencies and (
+            len(result.frequencies) != len(self.response.frequencies)
+            # Two solutions of the same equations differ by their rounding.
+            or not np.allclose(result.frequencies, self.response.frequencies, rtol=1e-6)
+        ):
             return
         texts = format_errors(align_decimals(result.frequencies), result.errors)
         for number, text in enumerate(texts):
