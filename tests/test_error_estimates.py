@@ -233,6 +233,27 @@ def test_commands_print_errors(capsys: pytest.CaptureFixture[str]):
     assert figures["errors_missing"]
 
 
+def test_info_prints_the_errors_of_forces_that_modes_prints(capsys: pytest.CaptureFixture[str]):
+    def run(command: str, *words: str) -> str:
+        few = ("--set", "cage.divisions=[2, 24, 1]", "--set", "modal.modes=1")
+        with pytest.raises(SystemExit) as ended:
+            main([command, "helicoid", *few, *words])
+        assert not ended.value.code
+        return " ".join(capsys.readouterr().out.split())
+
+    figures, modes = (json.loads(run(command, "--json")) for command in ("info", "modes"))
+    for key in ("reactions", "errors_missing"):
+        assert figures[key] == modes[key]
+    assert figures["reactions"][0]["moment_error"] > 0.0
+    assert "N.m ±" in run("info")
+    plain = run("info", "--no-errors")
+    assert "N.m ±" not in plain
+    assert "reaction of grip" in plain
+    figures = json.loads(run("info", "--json", "--no-errors"))
+    assert figures["reactions"][0]["moment_error"] is None
+    assert figures["errors_missing"] == "none were asked for"
+
+
 def test_errors_are_rounded_up_to_the_digits_of_their_figure():
     assert format_errors(["1.20", "12.34"], [0.031, None]) == ["1.20 ± 0.04", "12.34 ±    –"]
     assert format_errors(["1.20"], [None]) == ["1.20"]

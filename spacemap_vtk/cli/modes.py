@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import (
+    Errors,
     Json,
     Quiet,
     SceneFile,
@@ -20,6 +21,7 @@ from spacemap_vtk.cli.options import (
     output_option,
     print_json,
     print_labelled,
+    print_missing_errors,
     print_plain,
     print_warnings,
     progress,
@@ -42,15 +44,7 @@ def modes(
             help=f"Also draw the first mode shapes, into a file: {describe_writers('picture')}."
         ),
     ] = None,
-    errors: Annotated[
-        bool | None,
-        Parameter(
-            help="Whether to estimate the error of each figure that is due to the cage's cells, by "
-            "a second solution in cells twice as wide. Default: yes, unless that cage takes long "
-            "to make (tetwild).",
-            show_default=False,
-        ),
-    ] = None,
+    errors: Errors = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
@@ -124,8 +118,7 @@ def modes(
         *contact_figures(figures),
     )
     print_labelled((figure.label, figure.text) for figure in more)
-    if errors is not False and figures["errors_missing"]:
-        print_labelled([("errors", f"not estimated: {figures['errors_missing']}")])
+    print_missing_errors(errors, figures)
     print_warnings(chosen, quiet)
 
 

@@ -67,6 +67,15 @@ Set = Annotated[
         group=SCENE,
     ),
 ]
+Errors = Annotated[
+    bool | None,
+    Parameter(
+        help="Whether to estimate the error of each figure that is due to the cage's cells, by a "
+        "second solution in cells twice as wide. Default: yes, unless that cage takes long to make "
+        "(tetwild).",
+        show_default=False,
+    ),
+]
 SetLists = Annotated[
     tuple[str, ...],
     flag(
@@ -295,6 +304,12 @@ def print_labelled(rows: Iterable[tuple[str, str]]) -> None:
     for row in rows:
         table.add_row(*row)
     print_plain(table)
+
+
+def print_missing_errors(errors: bool | None, figures: Mapping[str, Any]) -> None:
+    """Print why figures have no errors, if these were asked for."""
+    if errors is not False and figures.get("errors_missing"):
+        print_labelled([("errors", f"not estimated: {figures['errors_missing']}")])
 
 
 def print_plain(table: Any) -> None:

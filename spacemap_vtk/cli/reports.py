@@ -13,6 +13,7 @@ from cyclopts import Parameter
 
 from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import (
+    Errors,
     Json,
     Quiet,
     SceneName,
@@ -21,6 +22,7 @@ from spacemap_vtk.cli.options import (
     open_scene,
     print_json,
     print_labelled,
+    print_missing_errors,
     print_plain,
     print_warnings,
     progress,
@@ -55,6 +57,7 @@ def info(
             help="Also compute the least clearance at this time in s, for example 0.4 or 400ms."
         ),
     ] = None,
+    errors: Errors = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
@@ -62,8 +65,9 @@ def info(
     """Print the figures of a fabric or an object, and how a file was made.
 
     For a fabric: Peirce's weave angle, yarn length, crimp and crimp height, cover, mass and least
-    clearance, and what its cage is made of. If the yarns of a draft do not fit, only what the draft
-    states, with a warning. For an object: its points, cells, size, arrays and surface faults, and
+    clearance, what its cage is made of, and the forces on it with their errors (see "spacemap
+    modes"). If the yarns of a draft do not fit, only what the draft states, with a warning. For an
+    object: its points, cells, size, arrays and surface faults, and
     the pieces of its cage. For a file made by this program: the version, command and scene (see
     "spacemap again").
 
@@ -82,7 +86,8 @@ def info(
     from spacemap_vtk.scenes import figure_list, report
 
     with progress(chosen, "Weaving", quiet):
-        figures = report.report_fabric(chosen, None if time is None else chosen.view.time)
+        at_time = None if time is None else chosen.view.time
+        figures = report.report_fabric(chosen, at_time, errors)
     if json_:
         print_json(figures)
         return
@@ -95,6 +100,7 @@ def info(
         table.add_row(warp.label, warp.text, weft.text)
     print_plain(table)
     print_labelled((figure.label, figure.text) for figure in figure_list.cloth_figures(figures))
+    print_missing_errors(errors, figures)
     _print_valid_ranges(chosen, figures.get("motion"))
     print_warnings(chosen, quiet)
 

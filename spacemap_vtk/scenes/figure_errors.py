@@ -35,11 +35,11 @@ def add_errors(
     coarse: dict[str, Any] | None = None,
     estimates: ErrorEstimates | None = None,
 ) -> None:
-    """Add an error to each figure of `scenes.report.report_modes` that can have one."""
+    """Add an error to each figure of `scenes.report` that depends on a cage's cells."""
     # Each mode gets ``error``, relative, and each other figure ``…_error`` in its unit; and each
     # table ``converged``. The error of a force or moment is the size of a vector. `coarse` are the
     # figures of the coarser cage; without `estimates` all errors are None.
-    for number, mode in enumerate(figures["modes"]):
+    for number, mode in enumerate(figures.get("modes", ())):
         estimate = None if estimates is None else estimates.frequencies[number]
         mode["error"] = None if estimate is None else estimate.error
         mode["converged"] = None if estimate is None else estimate.converged
@@ -57,10 +57,10 @@ def add_errors(
 def describe_unconverged(figures: dict[str, Any], cage: TetraCage) -> str:
     """Describe the figures that are not converged in a sentence, and suggest a cage."""
     # It is empty if all figures are converged, or have no error.
-    parts, errors = [], []
-    numbers = [n for n, mode in enumerate(figures["modes"], 1) if mode["converged"] is False]
+    parts, errors, modes = [], [], figures.get("modes", ())
+    numbers = [n for n, mode in enumerate(modes, 1) if mode["converged"] is False]
     if numbers:
-        worst = [figures["modes"][number - 1]["error"] for number in numbers]
+        worst = [modes[number - 1]["error"] for number in numbers]
         which = f"the frequencies of modes {numbers[0]} to {numbers[-1]}"
         if len(numbers) == 1:
             which = f"the frequency of mode {numbers[0]}"
@@ -90,11 +90,12 @@ def _pairs(
     """Return each table of figures with that of the coarser cage and the names of its figures."""
     other = coarse or {}
     pairs = []
-    if figures["hung"] is not None:
+    if figures.get("hung") is not None:
         pairs.append((figures["hung"], other.get("hung") or {}, _OF_EQUILIBRIUM))
     for table, names in (("contact", _OF_CONTACT), ("reactions", _OF_REACTION)):
-        wider = other.get(table) or [{}] * len(figures[table])
-        pairs += [(own, each, names) for own, each in zip(figures[table], wider, strict=True)]
+        fine = figures.get(table, [])
+        wider = other.get(table) or [{}] * len(fine)
+        pairs += [(own, each, names) for own, each in zip(fine, wider, strict=True)]
     return pairs
 
 

@@ -123,24 +123,11 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         "modes": [dict(zip(columns, row, strict=True)) for row in rows],
         **_report_state(scene.modal, cage.model),
     }
-    missing = "a second solution would take long" if errors is None else "none were asked for"
-    estimates = coarse = None
-    if errors or (errors is None and scene.cage.method != "tetwild"):
-        try:
-            estimates, missing = estimate_errors(scene.modal), ""
-            coarse = _report_state(estimates.coarse_solver, estimates.coarse_modes.model)
-        except (InputError, SolverError) as error:
-            missing = error.message
-            if isinstance(error, SolverError):
-                scene.warn(f"how far the figures depend on the cage's cells is unknown: {missing}")
-    add_errors(figures, coarse, estimates)
-    if estimates is not None:
-        doubts = describe_unconverged(figures, scene.cage)
-    else:
+    added = _add_errors(scene, figures, errors)
+    if added["errors_missing"]:
         doubts = describe_unresolved_modes(list(mode_errors(cage.model, eigenvalues, cage.shapes)))
-        doubts += "; increase cage.divisions" * bool(doubts)
-    if doubts:
-        scene.warn(doubts)
+        if doubts:
+            scene.warn(f"{doubts}; increase cage.divisions")
     return {
         "vertices": grid.GetNumberOfPoints(),
         "tetrahedra": grid.GetNumberOfCells(),
@@ -153,11 +140,29 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         "beta": damping.beta,
         **figures,
         "path": report_path(scene.modal),
-        "errors_missing": missing or None,
-        "unconverged": doubts if estimates is not None and doubts else None,
+        **added,
         "applicability": [finding.as_json() for finding in collect_findings(scene)],
         "warnings": scene.warnings,
     }
+
+
+def _add_errors(scene: Scene, figures: dict[str, Any], errors: bool | None) -> dict[str, Any]:
+    """Add the errors of a cage's figures to them, and return what is missing or not converged."""
+    missing = "a second solution would take long" if errors is None else "none were asked for"
+    estimates = coarse = None
+    if errors or (errors is None and scene.cage.method != "tetwild"):
+        try:
+            estimates, missing = estimate_errors(scene.modal), ""
+            coarse = _report_state(estimates.coarse_solver, estimates.coarse_modes.model)
+        except (InputError, SolverError) as error:
+            missing = error.message
+            if isinstance(error, SolverError):
+                scene.warn(f"how far the figures depend on the cage's cells is unknown: {missing}")
+    add_errors(figures, coarse, estimates)
+    doubts = "" if estimates is None else describe_unconverged(figures, scene.cage)
+    if doubts:
+        scene.warn(doubts)
+    return {"errors_missing": missing or None, "unconverged": doubts or None}
 
 
 def _report_state(solver: ModalSolver, model: Model) -> dict[str, Any]:
@@ -358,8 +363,10 @@ def _shadow_areas(
     return cast, area, None
 
 
-def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
-    """Return a fabric's figures."""
+def report_fabric(
+    scene: Scene, time: float | None = None, errors: bool | None = False
+) -> dict[str, Any]:
+    """Return a fabric's figures; `errors` as in `report_modes`, of the forces on its cage."""
     woven = scene.woven
     if woven is None:
         raise InputError(
@@ -384,6 +391,8 @@ def report_fabric(scene: Scene, time: float | None = None) -> dict[str, Any]:
                 if solver.obstacles or solver.grips:
                     figures["contact"] = report_obstacles(solver.output)
                     figures["path"] = report_path(solver)
+                if figures.get("reactions") or figures.get("contact"):
+                    figures |= _add_errors(scene, figures, errors)
     for _ in add_clearance(scene, figures):
         pass
     if over.size > MOST_CROSSINGS:
