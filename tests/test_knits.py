@@ -12,7 +12,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.textile_source import TextileSource
-from spacemap_vtk.textile.rods.stitches import parse_rows
+from spacemap_vtk.textile.rods.stitches import parse_chart, parse_rows, plan_passes
 
 
 def called(*words):
@@ -27,6 +27,17 @@ def test_rows_are_written_by_name_or_by_letters():
     for wrong in ("brioche", "kp, k", "k0", "", []):
         with pytest.raises(InputError):
             parse_rows(wrong)
+
+
+def test_charts_are_written_by_letters_and_knitted_in_a_pass_of_each_color():
+    assert parse_chart("A2B, bab") == ("AAB", "BAB")
+    for wrong in ("A1, BB", "A?", "", "ABCDE"):
+        with pytest.raises(InputError):
+            parse_chart(wrong)
+    passes = plan_passes(["kp"], ["AAB"])
+    assert [each.letters for each in passes] == ["kpmpkm", "mmkmmp"]
+    with pytest.raises(InputError, match="multiple"):
+        plan_passes(["k" * 19], ["A" * 23])
 
 
 def test_a_piece_has_its_stitches_and_stripes():

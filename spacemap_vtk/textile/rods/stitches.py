@@ -1,9 +1,15 @@
-"""Stitches of weft knits: named structures, and rows of letters."""
+"""Stitches of weft knits: named structures, rows of letters, and charts of colours.
+
+A row is knitted in one pass of each yarn that it needs. In each pass the yarn knits, purls, tucks
+or misses on every needle; in a row of several colours it misses the stitches of the others.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from math import lcm
+from typing import NamedTuple
 
 from spacemap_vtk.errors import InputError
 
@@ -24,8 +30,24 @@ GRAMMAR = (
     + ", ".join(f'"{name}"' for name in STRUCTURES)
     + ', or the rows of a repeat, the lowest first, as ["kkp", "kpk"] (k: knit, p: purl)'
 )
-#: Largest number of stitches in a repeat.
-_MOST = 400
+#: Description of what `parse_chart` accepts.
+CHART_GRAMMAR = (
+    'the rows of a repeat, the lowest first, with a letter for each stitch, as ["AABB", "ABBA"]: '
+    "A is the first colour, B the second one, up to Z; a number repeats a letter: A3 is AAA"
+)
+#: Largest number of stitches in a repeat, and of colours in a row.
+_MOST, MOST_COLORS = 400, 4
+
+
+class Pass(NamedTuple):
+    """One yarn that is laid across all needles in a row."""
+
+    letters: str
+    """What it does on each needle of the repeat: k, p, t or m."""
+    row: int
+    """The row to which it belongs."""
+    color: int
+    """Number of its colour: 0 for A."""
 
 
 def parse_rows(value: object) -> tuple[str, ...]:
@@ -55,10 +77,98 @@ def parse_rows(value: object) -> tuple[str, ...]:
         name = " ".join(value.lower().split())
         if name in STRUCTURES:
             return STRUCTURES[name]
+    return _parse_grid(value, "kp", "the stitches of a knit")
+
+
+def parse_chart(value: object) -> tuple[str, ...]:
+    """Convert a chart of colours, as a text of rows or a list of rows, to rows of equal length.
+
+    Parameters
+    ----------
+    value : object
+        Rows, or rows separated by commas, the lowest first. Each stitch is a letter: A for the
+        first colour, B for the second one. A number repeats a letter: ``A3B``.
+
+    Returns
+    -------
+    tuple of str
+        Rows of one repeat, the lowest first, of capital letters.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or if a row has more than 4 colours.
+
+    Examples
+    --------
+    >>> parse_chart("A2 B2, abba")
+    ('AABB', 'ABBA')
+    """
+    rows = _parse_grid(value, "ABCDEFGHIJKLMNOPQRSTUVWXYZ", "a chart of colours")
+    for row in rows:
+        if len(set(row)) > MOST_COLORS:
+            raise InputError(
+                f'the row "{row}" of the chart has {len(set(row))} colours; knit at most '
+                f"{MOST_COLORS} in a row"
+            )
+    return rows
+
+
+def plan_passes(rows: Sequence[str], chart: Sequence[str] = ()) -> list[Pass]:
+    """List the passes that knit a repeat of rows and chart, in the order in which they are laid.
+
+    Parameters
+    ----------
+    rows : sequence of str
+        Stitches of a repeat, as `parse_rows` returns them.
+    chart : sequence of str, optional
+        Colours of a repeat, as `parse_chart` returns them; all stitches are A without it. Its size
+        may differ from that of the rows: both are repeated until they fit.
+
+    Returns
+    -------
+    list of Pass
+        From the lowest row up. Yarns of a row are laid in the order of their letters, so that the
+        floats of A are below those of B.
+
+    Raises
+    ------
+    InputError
+        If the repeat becomes too large.
+
+    Examples
+    --------
+    >>> [each.letters for each in plan_passes(["k"], ["AAB"])]
+    ['kkm', 'mmk']
+    """
+    chart = chart or ("A",)
+    width, height = lcm(len(rows[0]), len(chart[0])), lcm(len(rows), len(chart))
+    if width * height > _MOST:
+        raise InputError(
+            f"rows and chart repeat themselves only after {width} x {height} stitches; a repeat "
+            f"has at most {_MOST}. Choose a chart whose size is a multiple of that of the rows"
+        )
+    passes = []
+    for row in range(height):
+        stitches, colors = (
+            each[row % len(each)] * (width // len(each[0])) for each in (rows, chart)
+        )
+        for color in sorted(set(colors)):
+            letters = "".join(
+                stitch if own == color else "m"
+                for stitch, own in zip(stitches, colors, strict=True)
+            )
+            passes.append(Pass(letters, row, ord(color) - ord("A")))
+    return passes
+
+
+def _parse_grid(value: object, letters: str, what: str) -> tuple[str, ...]:
+    """Convert a text with commas, or texts, to rows of equal length of the given letters."""
+    if isinstance(value, str):
         value = value.split(",")
     if not isinstance(value, Iterable):
-        raise InputError("must be the stitches of a knit")
-    rows = tuple(_spell_out(str(row)) for row in value)
+        raise InputError(f"must be {what}")
+    rows = tuple(_spell_out(str(row), letters) for row in value)
     if not rows or len({len(row) for row in rows}) > 1:
         raise InputError("all rows need the same number of stitches")
     if len(rows) * len(rows[0]) > _MOST:
@@ -66,11 +176,15 @@ def parse_rows(value: object) -> tuple[str, ...]:
     return rows
 
 
-def _spell_out(row: str) -> str:
+def _spell_out(row: str, letters: str) -> str:
     """Replace ``k3`` by ``kkk``."""
-    found = re.findall(r"([kp])(\d{0,3})", row.lower().replace(" ", ""))
-    if "".join(letter + count for letter, count in found) != row.lower().replace(" ", ""):
-        raise InputError(f'the row "{row}" has other letters than k and p')
+    lower = letters == letters.lower()
+    text = "".join(row.split())
+    text = text.lower() if lower else text.upper()
+    found = re.findall(rf"([{letters}])(\d{{0,3}})", text)
+    if "".join(letter + count for letter, count in found) != text:
+        allowed = " and ".join(letters) if len(letters) < 3 else f"{letters[0]} to {letters[-1]}"
+        raise InputError(f'the row "{row}" has other letters than {allowed}')
     spelled = "".join(letter * int(count or 1) for letter, count in found)
     if not spelled:
         raise InputError("a row has no stitches")
