@@ -155,7 +155,7 @@ def test_straight_yarns_bend_as_beams_side_by_side():
     cell = np.array([[4.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
     mechanics = RodMechanics(np.array([1e3]), np.array([2.0]), 1e3, np.array([0.5]))
     found = cell_stiffness([yarn], cell, mechanics, GIVEN)
-    assert found.bending[0] == pytest.approx(2.0 / 3.0, rel=1e-4)
+    assert found.bending[0, 0] == pytest.approx(2.0 / 3.0, rel=1e-4)
     assert found.membrane[0, 0] == pytest.approx(1e3 / 3.0, rel=1e-6)
 
 

@@ -124,7 +124,7 @@ def _print_valid_ranges(scene: Scene, motion: dict[str, Any] | None) -> None:
 
 def _print_object(scene: Scene, json: bool, quiet: bool) -> None:
     """Print the figures of an object, or of a textile that is not woven, and of its cage."""
-    from spacemap_vtk.scenes.figure_list import textile_figures
+    from spacemap_vtk.scenes.figure_list import sheet_figures, textile_figures
     from spacemap_vtk.scenes.object_report import report_object
 
     with progress(scene, "Measuring", quiet):
@@ -136,6 +136,7 @@ def _print_object(scene: Scene, json: bool, quiet: bool) -> None:
     if scene.textile is not None:
         print_labelled((f.label, f.text) for f in textile_figures(scene.textile))
     print_labelled(_object_rows(figures))
+    print_labelled((f.label, f.text) for f in sheet_figures(figures))
     print_warnings(scene, quiet)
 
 

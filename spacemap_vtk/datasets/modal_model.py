@@ -42,6 +42,9 @@ _SHEET = ("membrane_stiffness", "bending_stiffness", "shear_stiffness", "thickne
 #: Name of the field array that is 1 if a sheet's stiffness follows its local thickness.
 _LOCAL = "local_thickness"
 
+#: Name of the field array of a sheet's natural curvature [1/m].
+_CURVATURE = "natural_curvature"
+
 #: Names of the field arrays of a sheet's law: its kind, and the prefix of its own arrays.
 _LAW, _LAW_ARRAY = "membrane_law", "membrane_law_{}"
 #: Laws that can be read again, by kind.
@@ -107,8 +110,11 @@ def add_model(grid: vtkUnstructuredGrid, model: Model, gravity: Sequence[float])
     for name, part in zip(_SHEET if model.plate else _SOLID, model.stiffness_parts, strict=True):
         add_array(field, name, np.atleast_1d(part))
     field.RemoveArray(_LOCAL)
+    field.RemoveArray(_CURVATURE)
     if model.plate is not None:
         add_array(field, _LOCAL, np.array([model.plate.follows_thickness], dtype=np.uint8))
+        if model.plate.curvature is not None:
+            add_array(field, _CURVATURE, model.plate.curvature)
     _add_law(grid, None if model.plate is None else model.plate.law)
     add_array(field, "density", np.array([model.density]))
     add_array(field, "lumped", np.array([model.lumped], dtype=np.uint8))
@@ -268,6 +274,7 @@ def model_of(grid: vtkUnstructuredGrid) -> Model:
             float(thickness[0]),
             bool(array_of(field, _LOCAL, _OWNER)[0]),
             _law_of(grid),
+            array_of(field, _CURVATURE, _OWNER) if field.HasArray(_CURVATURE) else None,
         )
     fitted = {
         key: array_of(table, name, _OWNER)

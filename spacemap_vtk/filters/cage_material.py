@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.textile import StatedYarns
+from spacemap_vtk.filters.textile_sheet import sheet_of_textile
+from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.mechanics.boundary.supports import is_thin
 from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, orthotropic
@@ -95,7 +98,8 @@ class CageMaterial(Parameterised):
     material = Choice(
         "isotropic",
         "Material of the cage: isotropic; orthotropic along the fabric; yarns (a sheet whose "
-        "stiffness follows from the yarns of its weave, see the section [yarns]); or a measured "
+        "stiffness follows from the yarns of its weave, see the section [yarns], or of its "
+        "textile, see tension and bending in [textile]); or a measured "
         'fabric (see "spacemap materials"). Other constants that are given replace those of the '
         "yarns or the measured fabric.",
         ["isotropic", "orthotropic", WOVEN, *FABRICS],
@@ -251,11 +255,12 @@ class CageMaterial(Parameterised):
         when=_SHEET,
     )
 
-    def check_material(self, yarns: YarnParameters | YarnMechanics | None) -> None:
+    def check_material(self, yarns: YarnParameters | YarnMechanics | StatedYarns | None) -> None:
         """Check what can be checked without a cage; `yarns` are those of the weave in it."""
         if self.material == WOVEN and self.elements != "tetrahedra":
             self._given_constants()
-            self._yarn_stiffness(_SAMPLE_CLOTH, yarns)
+            if not isinstance(yarns, StatedYarns):
+                self._yarn_stiffness(_SAMPLE_CLOTH, yarns)
             return
         self.solid_constants(1.0)
         if self.elements != "tetrahedra":
@@ -279,8 +284,8 @@ class CageMaterial(Parameterised):
         thickness: float,
         normal: int = 2,
         woven: float | None = None,
-        cloth: Cloth | None = None,
-        yarns: YarnParameters | YarnMechanics | None = None,
+        cloth: Cloth | TextileKind | None = None,
+        yarns: YarnParameters | YarnMechanics | StatedYarns | None = None,
     ) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area [kg/m²]."""
         # Figures that are not measured are those of a homogeneous plate of the cage's thickness
@@ -333,10 +338,14 @@ class CageMaterial(Parameterised):
         return "the cage is a sheet" if sheet else "the cage is not a sheet"
 
     def _yarn_stiffness(
-        self, cloth: Cloth | None, yarns: YarnParameters | YarnMechanics | None
+        self,
+        cloth: Cloth | TextileKind | None,
+        yarns: YarnParameters | YarnMechanics | StatedYarns | None,
     ) -> Plate:
         """Return the stiffness of the sheet that the yarns of a cloth form."""
-        if yarns is None:
+        if isinstance(cloth, TextileKind):
+            return sheet_of_textile(cloth).plate
+        if yarns is None or isinstance(yarns, StatedYarns):
             raise InputError(
                 "the stiffness of the yarns is not given",
                 key="material",

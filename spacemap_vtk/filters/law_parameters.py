@@ -9,6 +9,8 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
+from spacemap_vtk.filters.textile import StatedYarns
+from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io import registry
 from spacemap_vtk.mechanics.elements.curve_law import CurveLaw
@@ -104,7 +106,7 @@ class LawParameters(CageMaterial):
             )
         return law
 
-    def check_material(self, yarns: YarnParameters | YarnMechanics | None) -> None:
+    def check_material(self, yarns: YarnParameters | YarnMechanics | StatedYarns | None) -> None:
         """Check what can be checked without a cage; `yarns` are those of the weave in it."""
         super().check_material(yarns)
         if self.elements != "tetrahedra":
@@ -115,23 +117,27 @@ class LawParameters(CageMaterial):
         thickness: float,
         normal: int = 2,
         woven: float | None = None,
-        cloth: Cloth | None = None,
-        yarns: YarnParameters | YarnMechanics | None = None,
+        cloth: Cloth | TextileKind | None = None,
+        yarns: YarnParameters | YarnMechanics | StatedYarns | None = None,
     ) -> tuple[Plate, float]:
         """Return stiffness and law of a cage that is a sheet, and its mass per area [kg/m²]."""
         plate, mass = super().sheet_stiffness(thickness, normal, woven, cloth, yarns)
-        known = yarns.yarns(cloth) if isinstance(yarns, YarnParameters) and cloth else yarns
+        known: Any = yarns
+        if isinstance(yarns, YarnParameters) and isinstance(cloth, Cloth):
+            known = yarns.yarns(cloth)
         return self._add_law(plate, cloth, known), mass
 
-    def _add_law(self, plate: Plate, cloth: Cloth | None, yarns: Any) -> Plate:
+    def _add_law(self, plate: Plate, cloth: Cloth | TextileKind | None, yarns: Any) -> Plate:
         """Add the law of the membrane to a plate, which has its stiffness at rest."""
         law = self.law_in_use()
+        if law == "yarns" and isinstance(cloth, TextileKind):
+            return plate
         if law == "linear":
             return plate
         if law == "curves":
             found = self._read_curves(float(plate.membrane[2, 2]))
             return replace(plate, membrane=found.stiffness_at_rest, law=found)
-        assert cloth is not None
+        assert isinstance(cloth, Cloth)
         made = cloth_law(cloth, yarns)
         return replace(plate, law=made.with_shear(float(plate.membrane[2, 2])))
 

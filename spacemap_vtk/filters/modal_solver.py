@@ -50,6 +50,9 @@ from spacemap_vtk.filters.load import DeadLoads, load_vectors
 from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.rest_states import RestState, RestTask, load_or_solve_rest
 from spacemap_vtk.filters.shape_limits import LAW_CRIMP, check_folds, check_strains
+from spacemap_vtk.filters.textile import StatedYarns
+from spacemap_vtk.filters.textile_sheet import content_of, sheet_of_textile
+from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.rest_state import read_rest_state
 from spacemap_vtk.mechanics.boundary.reactions import find_bearings
@@ -232,7 +235,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
     _stored: float = -math.inf
     #: Stiffness of the yarns; of a stage, a copy of its parameters. That stage may be below this
     #: one, and a pipeline with a reference cycle is never freed.
-    _yarns: YarnParameters | YarnMechanics | None = None
+    _yarns: YarnParameters | YarnMechanics | StatedYarns | None = None
     _followed: weakref.ref[Stage] | None = None
 
     #: The recipes of `terms`.
@@ -267,19 +270,19 @@ class ModalSolver(LawParameters, CageFittings, Stage):
             self.Modified()
 
     @property
-    def yarns(self) -> YarnParameters | YarnMechanics | None:
+    def yarns(self) -> YarnParameters | YarnMechanics | StatedYarns | None:
         """Stiffness of the yarns of the weave in the cage; changes of a stage are followed."""
         return self._yarns
 
     @yarns.setter
-    def yarns(self, value: YarnParameters | YarnMechanics | None) -> None:
+    def yarns(self, value: YarnParameters | YarnMechanics | StatedYarns | None) -> None:
         followed = self._followed and self._followed()
         self._followed = weakref.ref(value) if isinstance(value, Stage) else None
         if isinstance(value, Stage) and value is not followed:
             value.AddObserver("ModifiedEvent", _make_observer(self))
         self._use_yarns(value)
 
-    def _use_yarns(self, yarns: YarnParameters | YarnMechanics | None) -> None:
+    def _use_yarns(self, yarns: YarnParameters | YarnMechanics | StatedYarns | None) -> None:
         """Store the stiffness of yarns; run again if it has changed and has an effect."""
         before, now = _settings_of(self._yarns), _settings_of(yarns)
         if len(before) == len(now) and all(map(np.array_equal, before, now)):
@@ -333,6 +336,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         if self.is_hung:
             load, start, path = self._dead_load(grid, model), *self._start_and_path(model)
             acts = load.any() or any(term.forces(vertices).any() for term in terms)
+            acts = acts or (isinstance(material, Plate) and material.curvature is not None)
             if acts or start is not None or path is not None:
                 # Keep the undeformed model, too: the next equilibrium uses its strains.
                 self._undeformed = model
@@ -487,7 +491,10 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         return CageSheet(*self._sheet_and_mass(grid, sheet), sheet.thickness)
 
     def choose_cells(
-        self, extent: Floats, cloth: Cloth | None = None, mass: float | None = None
+        self,
+        extent: Floats,
+        cloth: Cloth | TextileKind | None = None,
+        mass: float | None = None,
     ) -> SheetCells | None:
         """Choose the cells of a sheet for the modes that are wanted, and for its folds.
 
@@ -495,8 +502,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         ----------
         extent : ndarray of float64, shape (3,)
             Sides of the cage's box [m].
-        cloth : Cloth, optional
-            The weave in the cage.
+        cloth : Cloth or TextileKind, optional
+            The weave or textile in the cage.
         mass : float, optional
             Its mass per area [kg/m²].
 
@@ -525,11 +532,13 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         if self.is_hung:
             plate, own_mass = self.sheet_stiffness(thickness, normal, mass, cloth, self._yarns)
             length = min(data_sheet(plate, own_mass).bending_length)
+            if plate.curvature is not None:
+                length = min(length, 1.0 / float(abs(plate.curvature).max()))
         return choose_sheet_cells((first, second), self.modes, length, narrowest)
 
     def _sheet_and_mass(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""
-        cloth = cloth_of(grid) if self.material == WOVEN else None
+        cloth = content_of(grid) if self.material == WOVEN else None
         return self.sheet_stiffness(
             sheet.thickness, sheet.normal, _woven_mass(grid), cloth, self._yarns
         )
@@ -556,6 +565,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         """Whether the cage is to hang, and there is a load under which it hangs."""
         given = any(self.gravity) or self.dead_loads or self._terms or self.start
         given = given or self.obstacles or self.grips
+        given = given or (self.material == WOVEN and isinstance(self._yarns, StatedYarns))
         return self.hang and bool(given)
 
     @property
@@ -732,8 +742,12 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         if self.material != WOVEN:
             return
         self.check_limit("no_slip")
-        cloth = cloth_of(grid)
+        cloth = content_of(grid)
         assert cloth is not None
+        if isinstance(cloth, TextileKind):
+            for note in sheet_of_textile(cloth).notes:
+                self.warn(note)
+            return
         figures = fabric_figures(cloth)
         crimp = min(figures[family]["mean_crimp"] for family in FAMILIES)
         if crimp > 0.0:
@@ -793,7 +807,9 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         )
 
 
-def _settings_of(yarns: YarnParameters | YarnMechanics | None) -> Sequence[Any]:
+def _settings_of(yarns: YarnParameters | YarnMechanics | StatedYarns | None) -> Sequence[Any]:
+    if isinstance(yarns, StatedYarns):
+        return [yarns]
     return list(yarns.settings.values()) if isinstance(yarns, YarnParameters) else yarns or ()
 
 

@@ -35,6 +35,8 @@ from spacemap_vtk.embedding.enclose import enclose_points, enclosed_share
 from spacemap_vtk.errors import GeometryError, InputError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.filters.patch_tessellator import polygons_of
+from spacemap_vtk.filters.textile_sheet import content_of
+from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.io.reading import merge_blocks, read_blocks
 from spacemap_vtk.mechanics.elements.tetrahedra import add_midpoints
 from spacemap_vtk.mechanics.modal.sheet_cells import MOST_CELLS, SheetCells
@@ -323,7 +325,8 @@ class TetraCage(Stage):
         extent, cloth = bounds[:, 1] - bounds[:, 0], cloth_of(data)
         mass = data.GetFieldData().GetArray("areal_mass")
         weight = None if mass is None else float(mass.GetValue(0))
-        self._choose = partial(_choose_cells, extent=extent, cloth=cloth, mass=weight)
+        content = content_of(data)
+        self._choose = partial(_choose_cells, extent=extent, cloth=content, mass=weight)
         solver = self.solver if self.order == 1 else None
         self._sheet_cells = None if solver is None else self._choose(solver)
         chosen = (5, 5, 1) if cloth is not None else _cubic_divisions(extent)
@@ -446,7 +449,7 @@ class TetraCage(Stage):
 
 
 def _choose_cells(
-    solver: ModalSolver, extent: Floats, cloth: Cloth | None, mass: float | None
+    solver: ModalSolver, extent: Floats, cloth: Cloth | TextileKind | None, mass: float | None
 ) -> SheetCells | None:
     """Return the cells that a solver chooses for a sheet; None for a solid."""
     try:

@@ -33,6 +33,10 @@ class FabricFigure(NamedTuple):
     """A key of `spacemap_vtk.units.UNITS`."""
 
 
+class StatedYarns:
+    """Yarns whose stiffness is stated in their data (`spacemap_vtk.filters.textile_sheet`)."""
+
+
 class Textile:
     """Base of source stages that make yarns: their patches have the cell array ``yarn``."""
 
@@ -67,7 +71,7 @@ class Textile:
         return None
 
     @property
-    def mechanics(self) -> YarnMechanics | None:
+    def mechanics(self) -> YarnMechanics | StatedYarns | None:
         """Stiffness of the yarns, unless a section [yarns] gives another one."""
         return None
 

@@ -10,7 +10,8 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 from spacemap_vtk.datasets.arrays import add_array, add_number
 from spacemap_vtk.datasets.cloth_data import set_patches
 from spacemap_vtk.filters.base import ProvidedArray, Stage
-from spacemap_vtk.filters.textile import FabricFigure, Textile
+from spacemap_vtk.filters.textile import FabricFigure, StatedYarns, Textile
+from spacemap_vtk.filters.textile_sheet import add_textile
 from spacemap_vtk.filters.textiles import KINDS
 from spacemap_vtk.filters.textiles.kind import TextileKind, combine
 from spacemap_vtk.memory import require_memory
@@ -55,8 +56,8 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
     @property
     def _textile(self) -> TextileKind:
         """The kind with the values of its parameters."""
-        kind = KINDS[self.kind]
-        return kind(**{name: getattr(self, name) for name in kind.parameters})
+        kind, given = KINDS[self.kind], self.given_values
+        return kind(**{name: given[name] for name in kind.parameters if name in given})
 
     @property
     def yarn_diameters(self) -> Floats:
@@ -89,6 +90,11 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
         return textile.mass_per_length(textile.line_diameters) * textile.line_aspects
 
     @property
+    def mechanics(self) -> StatedYarns:
+        """Stiffness of the yarns: that of the parameters, which the output states."""
+        return StatedYarns()
+
+    @property
     def figures(self) -> list[FabricFigure]:
         """Figures of the kind, thickness, mass, and the largest overlap."""
         return self._textile.all_figures()
@@ -114,6 +120,7 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
         add_array(cells, "yarn", made.line)
         add_array(cells, "family", textile.line_families[made.line].astype(np.int32))
         add_array(cells, "color", textile.line_colors[made.line])
+        add_textile(output, textile)
         for one in textile.all_figures():
             if one.key == "areal_mass" and one.value is not None:
                 add_number(output.GetFieldData(), "areal_mass", one.value)

@@ -14,8 +14,11 @@ from spacemap_vtk.datasets.arrays import points_of, tetrahedra_of
 from spacemap_vtk.datasets.extent import filled_share
 from spacemap_vtk.datasets.outline import count_edge_faults, extract_outline
 from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.errors import add_section_to_errors
+from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.patch_tessellator import polygons_of
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.report import report_law, report_sheet
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.valid_ranges import collect_findings
 
@@ -59,6 +62,11 @@ def report_object(scene: Scene) -> dict[str, Any]:
         if made is None:
             times = stage.time_steps([])
             figures |= {"steps": len(times), "time_range": [times[0], times[-1]]}
+        solver = scene.stage("solver")
+        if made is not None and isinstance(solver, ModalSolver):
+            with add_section_to_errors(solver.section):
+                sheet = solver.sheet_figures(made.output)
+            figures |= report_sheet(sheet) | report_law(scene, sheet is not None)
     figures["applicability"] = [finding.as_json() for finding in collect_findings(scene)]
     figures["warnings"] = scene.warnings
     return figures

@@ -39,6 +39,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.figure_errors import add_errors, describe_unconverged
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.valid_ranges import collect_findings
+from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import bending_bounds
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.geometry.weave import build_weave, count_patches
@@ -250,7 +251,7 @@ def report_law(scene: Scene, sheet: bool) -> dict[str, Any]:
         return found
     yarns = solver.yarns
     known = yarns.yarns(woven.cloth) if isinstance(yarns, YarnParameters) else yarns
-    if known is not None:
+    if isinstance(known, YarnMechanics):
         found["bending_bounds"] = bending_bounds(woven.cloth, known)._asdict()
     return found
 

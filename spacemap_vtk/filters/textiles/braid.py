@@ -6,9 +6,10 @@ from math import atan, degrees, pi, radians, tan
 
 import numpy as np
 
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.filters.textiles.kind import Crossed, Rest, TextileKind, yarn_lengths
-from spacemap_vtk.ndarrays import AnyInts
+from spacemap_vtk.ndarrays import AnyInts, Progress
 from spacemap_vtk.parameters import Choice, Integer, Real
 from spacemap_vtk.textile.rods.braid import draw_strip, draw_tube
 from spacemap_vtk.textile.rods.guess import Guess
@@ -61,6 +62,17 @@ class Braid(TextileKind):
         when={"form": ("tubular",), "pick_length": (None,)},
     )
     repeats_along = Crossed.repeats_along
+
+    def cell_of_sheet(self, progress: Progress | None = None) -> Rest:
+        """Return the yarns of a strip; a tube is no sheet."""
+        if self.form == "tubular":
+            raise InputError(
+                "a tubular braid is no sheet",
+                key="material",
+                value="yarns",
+                cure='Set textile.form = "flat", or choose another material.',
+            )
+        return super().cell_of_sheet(progress)
 
     @property
     def _mandrel(self) -> float:

@@ -16,7 +16,7 @@ from spacemap_vtk.filters.textile_file import (
     make_file_yarns,
     piece_of,
 )
-from spacemap_vtk.filters.textiles.kind import TextileKind
+from spacemap_vtk.filters.textiles.kind import Rest, TextileKind
 from spacemap_vtk.io import registry
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints, Progress
 from spacemap_vtk.parameters import FilePath, Flag, Integer, Real, Vector
@@ -80,6 +80,20 @@ class File(TextileKind):
     def lines(self, progress: Progress | None = None) -> list[Floats]:
         """Return the yarns of the piece."""
         return self._piece(progress).lines
+
+    @property
+    def size(self) -> float:
+        """Diameter of the thickest yarn [m]."""
+        return max(yarn.diameter for yarn in self._yarns().yarns)
+
+    def cell_of_sheet(self, progress: Progress | None = None) -> Rest:
+        """Return the yarns of the cell, in diameters of the thickest one."""
+        made, unit = self._yarns(progress), self.size
+        yarns = [
+            yarn._replace(points=yarn.points / unit, diameter=yarn.diameter / unit)
+            for yarn in made.yarns
+        ]
+        return Rest(yarns, made.cell / unit, made.overlap)
 
     @property
     def line_families(self) -> Ints:

@@ -14,10 +14,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from spacemap_vtk import cache
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Parameterised, Real, Series
+from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.guess import Guess, relax_guess
 from spacemap_vtk.textile.rods.pieces import count_lines, cover, repeat_yarns
 from spacemap_vtk.textile.rods.tubes import PARTS
@@ -29,6 +31,10 @@ STEEL = 7850.0
 
 #: Diameter of yarns, if none is given [m].
 DIAMETER = 5e-4
+
+#: Stiffness of contact of yarns in a sheet, over B and the fifth power of their diameter, as for
+#: the relaxation of knits.
+CONTACT = 3e3
 
 #: The kinds by name.
 KINDS: dict[str, type[TextileKind]] = {}
@@ -92,6 +98,23 @@ class TextileKind(Parameterised):
         maximum=1.0,
         automatic="0.6; of a wire mesh 1",
     )
+    tension = Real(
+        None,
+        "Tensile stiffness EA of a yarn: force over strain. With bending it is the stiffness from "
+        'which modal.material = "yarns" makes a sheet. Of yarns of other diameters it is in '
+        "proportion to their section.",
+        unit="N",
+        above=0.0,
+        automatic="not known",
+    )
+    bending = Real(
+        None,
+        "Bending rigidity B of a yarn: moment over curvature. Of yarns of other diameters it is in "
+        "proportion to their section.",
+        unit="N.m2",
+        above=0.0,
+        automatic="not known",
+    )
     color = Series(
         Color(
             (200, 85, 61),
@@ -151,6 +174,47 @@ class TextileKind(Parameterised):
             ]
             rest = keep_recent(key, Rest(yarns, found["cell"], float(found["overlap"][0])))
         return rest
+
+    #: Whether yarns are straight if free, as those of a knit; others keep the shape in which they
+    #: were laid.
+    springs: ClassVar[bool] = False
+
+    @property
+    def set_in_use(self) -> float:
+        """Share of the yarns' bending that is set."""
+        return 0.0
+
+    def cell_of_sheet(self, progress: Progress | None = None) -> Rest:
+        """Return the yarns of a cell, whose stiffness is that of the textile as a sheet."""
+        return self.rest(progress)
+
+    def is_strip(self, rest: Rest) -> bool:
+        """Whether the cell repeats itself along y only."""
+        return not rest.cell[0].any()
+
+    def require_bending(self) -> float:
+        """Return B [N m²]; refuse a textile whose yarns have no stiffness."""
+        for name in ("tension", "bending"):
+            if getattr(self, name) is None:
+                raise InputError(
+                    "the stiffness of the yarns is not given",
+                    key="material",
+                    value="yarns",
+                    cure=f"Give tension and bending in [textile]; {name} is missing.",
+                )
+        assert self.bending is not None
+        return float(self.bending)
+
+    def mechanics_of_sheet(self, rest: Rest) -> RodMechanics:
+        """Return the stiffness of the yarns in units of the kind, and of B of the largest yarn."""
+        diameter = np.array([yarn.diameter for yarn in rest.yarns])
+        size = self.size / self.scale
+        section = (diameter / size) ** 2
+        spans = sample_yarns(rest.yarns).spans
+        assert self.tension is not None
+        stiff = self.tension * self.scale**2 / self.require_bending()
+        contact = CONTACT / size**5
+        return RodMechanics(stiff * section, section, contact, self.lengths(rest) / spans)
 
     def lines(self, progress: Progress | None = None) -> list[Floats]:
         """Compute the control points of each yarn of the piece, (n, 3) each [m]."""

@@ -73,6 +73,21 @@ class Knit(TextileKind):
         ["cut", "turned"],
     )
 
+    set_share = Real(
+        0.0,
+        "Share of the bending of the loops that is set, as by washing or steaming. Edges curl by "
+        "what is not: 0 yarns are straight if free; 1 edges do not curl.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+
+    springs = True
+
+    @property
+    def set_in_use(self) -> float:
+        """Share of the yarns' bending that is set."""
+        return float(self.set_share)
+
     def rest(self, progress: Progress | None = None) -> Rest:
         """Relax a repeat, in diameters."""
         length = self._stitch_diameters

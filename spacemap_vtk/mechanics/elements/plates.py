@@ -55,6 +55,9 @@ class Plate:
     #: Law of the membrane for finite strains; None if the stress is `membrane` times Green's
     #: strain. The undeformed sheet vibrates with `membrane` in any case.
     law: MembraneLaw | None = None
+    #: (3,) Curvatures 11, 22, 2·12 of the sheet where nothing holds it flat, positive towards its
+    #: normal [1/m]; None if it is flat.
+    curvature: Floats | None = None
 
 
 class DataSheet(NamedTuple):
@@ -187,7 +190,7 @@ def apply_measurements(
     bent = _replace_stiffness(plate.bending, bending, twisting, mean)
     if tensile is None and bending is None:
         return replace(plate, membrane=stretched, bending=bent)
-    return Plate(stretched, bent)
+    return Plate(stretched, bent, curvature=plate.curvature)
 
 
 def bending_length(rigidity: float, areal_mass: float) -> float:

@@ -315,6 +315,9 @@ def sheet_strains(
     share = np.bincount(surface.quads.ravel(), corners.ravel(), count)
     thick = (scale**2).reshape(-1, 1, 1, 1, 1)
     quads = _strains_from(nodes, forms, weights[..., None] * stiffness, nodal)
+    if plate.curvature is not None:
+        # A sheet that curves towards its normal has negative bending strains.
+        quads.reference[..., 3:6] -= plate.curvature
     if plate.law is not None:
         parts = quads.nodes, quads.forms, quads.reference, quads.stiffness
         quads = LawStrains(*parts, law=plate.law, weights=weights[..., 0] / modulus)

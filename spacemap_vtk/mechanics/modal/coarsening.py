@@ -42,7 +42,7 @@ def coarsen(model: Model) -> Model | None:
         points[new[order]] = model.points[old[kept.ravel()]]
         held[new[order]] = ~model.free.reshape(-1, 3)[old[kept.ravel()]]
     if not plate.follows_thickness:
-        plate = Plate(plate.membrane, plate.bending, law=plate.law)
+        plate = Plate(plate.membrane, plate.bending, law=plate.law, curvature=plate.curvature)
     terms = [_coarsen_obstacle(term, points, own) for term in obstacles]
     return Model(points, cells, plate, model.density, held, model.lumped, terms=terms)
 

@@ -97,9 +97,11 @@ class MeshPencil(Pencil):
         added: Sequence[EnergyTerm],
         modulus: float,
         law: MembraneLaw | None = None,
+        curvature: Floats | None = None,
     ) -> None:
         self.digest, self.free, self.material = digest, free, material
         self.fittings, self._local, self._law, self._modulus = fittings, local, law, modulus
+        self._curvature = curvature
         self.surface = find_mid_surface(points, cells) if len(material) > 1 else None
         #: Terms other than elements and springs.
         self.added = [term.in_model_nodes(self.surface, 1 / modulus) for term in added]
@@ -142,22 +144,22 @@ class MeshPencil(Pencil):
     @cached_property
     def elements(self) -> list[Strains]:
         """Strains of the elements; for a sheet those of its quadrilaterals, then of its pairs."""
-        return self._make_elements(self._law)
+        return self._make_elements(self._law, self._curvature)
 
     @cached_property
     def vibrating_elements(self) -> list[Strains]:
-        """The same for vibrations: about the undeformed state, a sheet's law is not used."""
+        """The same for vibrations: about the undeformed state, a sheet is linear and flat."""
         # Cloth without tension is just becoming taut. It vibrates with the stiffness of taut yarns.
-        if self._law is None or self._displacement is not None:
+        if (self._law is None and self._curvature is None) or self._displacement is not None:
             return self.elements
-        return self._make_elements(None)
+        return self._make_elements(None, None)
 
-    def _make_elements(self, law: MembraneLaw | None) -> list[Strains]:
+    def _make_elements(self, law: MembraneLaw | None, curvature: Floats | None) -> list[Strains]:
         factors = self._stiffness_factors
         if self.surface is None:
             return [tetrahedron_strains(self._points, self._cells, self.material[0], factors)]
         membrane, bending, shear, thickness = self.material
-        plate = Plate(membrane, bending, shear, float(thickness), self._local, law)
+        plate = Plate(membrane, bending, shear, float(thickness), self._local, law, curvature)
         factors = average_over_quads(factors)
         return sheet_strains(self._points, self.surface, plate, factors, self._modulus)
 
@@ -325,6 +327,7 @@ def find_or_make_pencil(
     local: bool = False,
     added: Sequence[EnergyTerm] = (),
     law: MembraneLaw | None = None,
+    curvature: Floats | None = None,
 ) -> MeshPencil:
     """Return the pencil of a mesh: the existing one if it is in use, otherwise a new one."""
     material = [_round_digits(part / modulus) for part in parts]
@@ -342,11 +345,12 @@ def find_or_make_pencil(
     fitted = [part for pair in fittings.given.items() for part in pair]
     terms = [part for term in added for part in (term.digest, modulus)]
     terms += [] if law is None else [law.digest, modulus]
-    whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted, *terms)
+    curved = [] if curvature is None else [curvature]
+    whole = digest_of(mesh, *material, local, held, lumped, *where, *fitted, *terms, *curved)
     found = _pencils.get(whole)
     if found is None:
         form = points, cells, material, ~held.ravel(), lumped, displacement, fittings, local
-        found = _pencils[whole] = MeshPencil(whole, mesh, *form, added, modulus, law)
+        found = _pencils[whole] = MeshPencil(whole, mesh, *form, added, modulus, law, curvature)
     return found
 
 

@@ -128,6 +128,7 @@ class Model:
             self.plate is not None and self.plate.follows_thickness,
             self.terms,
             None if self.plate is None else self.plate.law,
+            None if self.plate is None else self.plate.curvature,
         )
 
     @property

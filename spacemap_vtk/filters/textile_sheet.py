@@ -1,0 +1,147 @@
+"""The sheet that the relaxed yarns of a textile form: its stiffness, its curl, and its law.
+
+A data set states its textile by a text in its field data: the kind and its parameters. So the
+solver of a cage makes the sheet of the textile inside, as it does of a weave's cloth. What was
+computed is kept in memory and on disk.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkDataObject
+
+from spacemap_vtk import cache
+from spacemap_vtk.datasets.arrays import add_text, text_of
+from spacemap_vtk.datasets.cloth_data import cloth_of
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.textiles import KINDS
+from spacemap_vtk.filters.textiles.kind import Rest, TextileKind
+from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements
+from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
+from spacemap_vtk.ndarrays import Progress
+from spacemap_vtk.textile.rods.stiffness import (
+    CellStiffness,
+    cell_stiffness,
+    raise_to_floor,
+    set_stiffness,
+)
+from spacemap_vtk.textile.weave.cloth import Cloth
+
+#: Name of the field array; those of a cloth begin so, and cages pass them on.
+_TEXTILE = "cloth_textile"
+#: Largest component of a period along the other axis, over its length.
+_SQUARE = 1e-3
+#: Poisson's ratio of a strip, as a sheet that is equally stiff along and across.
+_RATIO = 0.3
+
+
+class TextileSheet(NamedTuple):
+    """Stiffness of a textile as a sheet."""
+
+    plate: Plate
+    """Axis 1 is x, the courses or picks; axis 2 is y, the wales, ends or the braid's axis."""
+    notes: list[str]
+    """Sentences on what was assumed."""
+
+
+def add_textile(data: vtkDataObject, kind: TextileKind) -> None:
+    """State in field data which textile a data set is; colours do not belong to it."""
+    given = {name: value for name, value in kind.given_values.items() if name != "color"}
+    text = json.dumps({"kind": kind.name, **given}, default=str)
+    add_text(data.GetFieldData(), _TEXTILE, text)
+
+
+def textile_of(data: vtkDataObject) -> TextileKind | None:
+    """Return the textile that a data set states; None without one."""
+    text = text_of(data.GetFieldData(), _TEXTILE)
+    if text is None:
+        return None
+    values: Mapping[str, Any] = json.loads(text)
+    return KINDS[values["kind"]](**{k: v for k, v in values.items() if k != "kind"})
+
+
+def content_of(data: vtkDataObject) -> Cloth | TextileKind | None:
+    """Return the weave or textile that a data set states; None without one."""
+    return textile_of(data) or cloth_of(data)
+
+
+def sheet_of_textile(kind: TextileKind, progress: Progress | None = None) -> TextileSheet:
+    """Compute the stiffness of a textile as a sheet, or load it."""
+    rest = _require_sheet(kind, progress)
+    found = _cell_stiffness(kind, rest)
+    unit, force = kind.scale, kind.require_bending() / kind.scale**2
+    membrane, bending = found.membrane * force / unit, found.bending * force * unit
+    notes: list[str] = []
+    if kind.is_strip(rest):
+        along = float(membrane[1, 1]), float(bending[1, 1])
+        homogeneous = Plate(np.eye(3), np.eye(3))
+        plate = apply_measurements(
+            homogeneous, tensile=(along[0],) * 2, bending=(along[1],) * 2, ratio=_RATIO
+        )
+        notes.append(
+            "a strip has one period: across it the sheet is as stiff as along it, with a Poisson's "
+            f"ratio of {_RATIO:g}; give shear_rigidity if it matters"
+        )
+        return TextileSheet(plate, notes)
+    floors = []
+    membrane, raised = raise_to_floor(membrane)
+    floors += ["in its plane, most of all in shear,"] * raised
+    bending, raised = raise_to_floor(bending)
+    floors += ["in bending"] * raised
+    for where in floors:
+        notes.append(
+            f"yarns without friction let this textile deform {where} almost without force; its "
+            "stiffness there is raised to a thousandth of the largest one"
+        )
+    rigid = np.zeros((3, 3))
+    rigid[:2, :2] = bending
+    rigid[2, 2] = np.sqrt(bending[0, 0] * bending[1, 1]) / 2.0
+    moment = found.moment * force * (1.0 - kind.set_in_use)
+    curvature = None
+    if abs(moment).max() > 1e-6 * float(np.diag(bending).max()) / unit:
+        curvature = np.append(np.linalg.solve(bending, moment), 0.0)
+    return TextileSheet(Plate(membrane, rigid, curvature=curvature), notes)
+
+
+def _require_sheet(kind: TextileKind, progress: Progress | None) -> Rest:
+    """Return the yarns of a cell that is a sheet; refuse those that are none."""
+    rest = kind.cell_of_sheet(progress)
+    lengths, leaning = np.linalg.norm(rest.cell, axis=1), abs(rest.cell)
+    leaning[[0, 1], [0, 1]] = 0.0
+    if not lengths.any() or leaning.max() > _SQUARE * lengths.max():
+        raise InputError(
+            f"these yarns are no sheet: their cell is not a rectangle along x and y ({kind.name})",
+            key="material",
+            value="yarns",
+            cure="Choose another material, with the figures of the sheet.",
+        )
+    return rest
+
+
+def _cell_stiffness(kind: TextileKind, rest: Rest) -> CellStiffness:
+    mechanics = kind.mechanics_of_sheet(rest)
+    points = np.concatenate([yarn.points for yarn in rest.yarns])
+    key = digest_of(
+        "sheet of a textile",
+        str(kind.springs),
+        *(str(yarn.periods) for yarn in rest.yarns),
+        *(yarn.diameter for yarn in rest.yarns),
+        points,
+        rest.cell,
+        *mechanics,
+    )
+    shapes = {"membrane": (3, 3), "bending": (2, 2), "moment": (2,)}
+    found = cache.load(key, **shapes)
+    if found is None:
+        if kind.springs:
+            free = np.eye(2, 3, dtype=bool)
+            made = cell_stiffness(rest.yarns, rest.cell, mechanics, free)
+        else:
+            made = set_stiffness(rest.yarns, rest.cell, mechanics)
+        found = made._asdict()
+        cache.store(key, **found)
+    return CellStiffness(**found)
