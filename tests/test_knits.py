@@ -40,6 +40,39 @@ def test_charts_are_written_by_letters_and_knitted_in_a_pass_of_each_color():
         plan_passes(["k" * 19], ["A" * 23])
 
 
+@pytest.mark.parametrize(
+    ("rows", "why"),
+    [
+        (["kk", "mm"], "row 2 only misses"),
+        (["kt", "km"], "stitch 2 is neither knitted nor purled"),
+        (["kk", "km", "km", "km", "km"], "held over 5 rows"),
+    ],
+)
+def test_stitches_that_cannot_be_knitted_are_refused_with_the_cure(rows, why):
+    with pytest.raises(InputError, match=why) as refused:
+        plan_passes(rows)
+    assert refused.value.cure
+
+
+def test_a_chart_needs_a_color_for_each_letter_and_cut_edges():
+    with pytest.raises(InputError, match="letter C, but there are 2 colours"):
+        TextileSource(chart=["ABC"], color=["#ff0000", "#00ff00"]).update()
+    with pytest.raises(InputError, match="do not turn"):
+        TextileSource(chart=["AB"], color=["#ff0000", "#00ff00"], edges="turned").update()
+
+
+def test_yarns_of_a_chart_have_the_colors_of_their_stitches():
+    red, white = (200, 0, 0), (255, 255, 255)
+    knit = TextileSource(wales=2, courses=2, chart=["AB", "BA"], color=[red, white])
+    output = knit.update().output
+    yarn, color = (vtk_to_numpy(output.GetCellData().GetArray(n)) for n in ("yarn", "color"))
+    assert [{tuple(c) for c in color[yarn == k]} for k in range(4)] == [{red}, {white}] * 2
+    # the same loops as those of stockinette, but for the floats
+    found = {figure.key: figure.value for figure in knit.figures}
+    assert found["kc"] == pytest.approx(5.41, rel=0.1)
+    assert found["largest_overlap"] < 0.005
+
+
 def test_a_piece_has_its_stitches_and_stripes():
     red, white = (200, 0, 0), (255, 255, 255)
     knit = TextileSource(wales=5, courses=4, color=[red, white], diameter="1 mm")

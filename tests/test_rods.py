@@ -7,9 +7,11 @@ import pytest
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-from spacemap_vtk.textile.rods.knit import POINTS, draw_knit, relax_knit
+from spacemap_vtk.textile.rods.knit import relax_knit
+from spacemap_vtk.textile.rods.loops import POINTS, draw_loops
 from spacemap_vtk.textile.rods.relax import relax_again, relax_yarns
 from spacemap_vtk.textile.rods.stiffness import cell_stiffness
+from spacemap_vtk.textile.rods.stitches import plan_passes
 from spacemap_vtk.textile.rods.tubes import spline_lines
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
@@ -120,7 +122,7 @@ def test_rib_is_narrow_and_garter_short_and_both_are_thick():
 
 @pytest.mark.nightly
 def test_ten_perturbed_starts_come_to_one_state():
-    guess, random = draw_knit(["k"], 16.0), np.random.default_rng(0)
+    guess, random = draw_loops(plan_passes(["k"]), 16.0), np.random.default_rng(0)
     mechanics = RodMechanics(np.array([1e3]), np.ones(1), 3e3, np.array([16.0 / 24]))
     energies = []
     for _ in range(10):

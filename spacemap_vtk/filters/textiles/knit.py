@@ -7,20 +7,30 @@ from typing import Any
 import numpy as np
 
 from spacemap_vtk import cache
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.filters.textiles.kind import Rest, TextileKind, keep_recent, recent
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Integer, Parameter, Real
 from spacemap_vtk.textile.rods.knit import (
-    POINTS,
     Selvedges,
+    courses_and_passes,
     relax_knit,
     relax_selvedges,
     repeat_knit,
     strip_wales,
 )
-from spacemap_vtk.textile.rods.stitches import GRAMMAR, STRUCTURES, parse_rows
+from spacemap_vtk.textile.rods.loops import POINTS, column_starts
+from spacemap_vtk.textile.rods.stitches import (
+    CHART_GRAMMAR,
+    GRAMMAR,
+    STRUCTURES,
+    Pass,
+    parse_chart,
+    parse_rows,
+    plan_passes,
+)
 from spacemap_vtk.textile.rods.tubes import PARTS
 from spacemap_vtk.textile.rods.yarns import Yarn
 
@@ -47,6 +57,22 @@ class Stitches(Parameter[Any]):
         return f'"{names[0]}"' if names else f'"{", ".join(value)}"'
 
 
+class Chart(Parameter[Any]):
+    """Rows of letters of colours."""
+
+    kind = "chart"
+    annotation = "str or sequence of str"
+    expected = CHART_GRAMMAR
+
+    def convert(self, value: Any) -> tuple[str, ...]:
+        """Convert to rows of equal length."""
+        return parse_chart(value)
+
+    def text(self, value: Any) -> str:
+        """Format as rows with commas."""
+        return f'"{", ".join(value)}"'
+
+
 class Knit(TextileKind):
     """Loops of courses along x and wales along y, whose face looks along z."""
 
@@ -54,6 +80,12 @@ class Knit(TextileKind):
     family_names = ("courses",)
 
     rows = Stitches("stockinette", "Stitches of a repeat, seen from the face.")
+    chart = Chart(
+        None,
+        "Colours of the stitches of a repeat, a letter each: A is the first colour of color. Yarns "
+        "float behind the stitches of others.",
+        automatic="colours are repeated over the courses",
+    )
     wales = Integer(8, "Number of stitches in a course.", minimum=1, maximum=10_000)
     courses = Integer(8, "Number of courses.", minimum=1, maximum=10_000)
     stitch_length = Real(
@@ -69,7 +101,7 @@ class Knit(TextileKind):
         "cut",
         "Sides of the piece. cut: each course is a yarn of its own; turned: the yarn turns at the "
         "selvedges and knits the next course, except where the colour changes. Selvedges take some "
-        "seconds to relax, and need 3 wales.",
+        "seconds to relax, and need 3 wales and rows of one colour.",
         ["cut", "turned"],
     )
 
@@ -88,56 +120,94 @@ class Knit(TextileKind):
         """Share of the yarns' bending that is set."""
         return float(self.set_share)
 
+    @property
+    def _passes(self) -> list[Pass]:
+        """The passes of a repeat."""
+        passes = plan_passes(self.rows, self.chart or ())
+        if self.chart is not None and (most := max(each.color for each in passes)) >= (
+            count := len(self.palette)
+        ):
+            raise InputError(
+                f"the chart has the letter {chr(ord('A') + most)}, but there "
+                f"{'is' if count == 1 else 'are'} {count} colour{'s' if count > 1 else ''}",
+                key="chart",
+                cure="Give a colour for each letter: A is the first one, B the second one.",
+            )
+        return passes
+
     def rest(self, progress: Progress | None = None) -> Rest:
         """Relax a repeat, in diameters."""
-        length = self._stitch_diameters
-        key = digest_of("knit", *self.rows, length)
+        length, passes = self._stitch_diameters, self._passes
+        key = digest_of("loops", *(f"{each.row}{each.letters}" for each in passes), length)
         if (rest := recent(key)) is not None:
             return rest
-        shape = (len(self.rows), POINTS * len(self.rows[0]), 3)
-        found = cache.load(key, points=shape, cell=(2, 3), overlap=(1,))
+        counts = np.cumsum([column_starts(each)[-1] for each in passes])
+        found = cache.load(key, points=(int(counts[-1]), 3), cell=(2, 3), overlap=(1,))
         if found is None:
-            made = relax_knit(self.rows, length, progress)
-            points = np.stack([yarn.points for yarn in made.yarns])
+            made = relax_knit(self.rows, length, self.chart or (), progress)
+            points = np.concatenate([yarn.points for yarn in made.yarns])
             found = {"points": points, "cell": made.cell, "overlap": np.array([made.overlap])}
             cache.store(key, **found)
-        yarns = [Yarn(points, (1, 0)) for points in found["points"]]
+        yarns = [Yarn(points, (1, 0)) for points in np.split(found["points"], counts[:-1])]
         return keep_recent(key, Rest(yarns, found["cell"], float(found["overlap"][0])))
 
     @property
     def _stitch_diameters(self) -> float:
         return STITCH if self.stitch_length is None else self.stitch_length / self.size
 
+    @property
+    def _turns(self) -> bool:
+        """Whether yarns turn at the sides of the piece."""
+        if self.edges == "cut" or self.wales < 3:
+            return False
+        if len(self._passes) > self._passes[-1].row + 1:
+            raise InputError(
+                "yarns of a row of several colours do not turn at the sides",
+                key="edges",
+                value=self.edges,
+                cure='Set edges = "cut".',
+            )
+        return True
+
     def sides(self, progress: Progress | None = None) -> Selvedges | None:
         """Return the relaxed selvedges, in diameters; None if the courses are cut."""
-        if self.edges == "cut" or self.wales < 3:
+        if not self._turns:
             return None
-        yarns, cell, _ = self.rest(progress)
-        strip = strip_wales(len(self.rows[0]), self.wales)
-        key = digest_of("selvedges", *self.rows, self._stitch_diameters, strip)
+        (yarns, cell, _), passes = self.rest(progress), self._passes
+        length, strip = self._stitch_diameters, strip_wales(len(passes[0].letters), self.wales)
+        key = digest_of("sides", *(f"{each.row}{each.letters}" for each in passes), length, strip)
         if key not in _selvedges:
-            sides = (-1, -1, 3)
-            found = cache.load(key, left=sides, right=sides, turns=sides, overlap=(1,))
+            names = ("left", "right", "turns")
+            shapes = dict.fromkeys(names, (-1, 3))
+            found = cache.load(key, **shapes, sizes=(3, -1), overlap=(1,))
             if found is None:
-                made = relax_selvedges(yarns, cell, self._stitch_diameters, self.wales, progress)
-                found = {"left": made.left, "right": made.right, "turns": made.turns}
+                made = relax_selvedges(yarns, cell, passes, length, self.wales, progress)
+                found = {name: np.concatenate(getattr(made, name)) for name in names}
+                found["sizes"] = np.array([[*map(len, getattr(made, name))] for name in names])
                 found["overlap"] = np.array([made.overlap])
                 cache.store(key, **found)
-            overlap = float(found.pop("overlap")[0])
+            parts = {
+                name: np.split(found[name], np.cumsum(sizes)[:-1])
+                for name, sizes in zip(names, found["sizes"], strict=True)
+            }
             _selvedges.clear()
-            _selvedges[key] = Selvedges(**found, wales=strip, overlap=overlap)
+            _selvedges[key] = Selvedges(**parts, wales=strip, overlap=float(found["overlap"][0]))
         return _selvedges[key]
 
-    def _courses(self) -> tuple[AnyInts, Bools]:
-        """Return the colour of each course, and whether its yarn is that of the course below."""
-        colors = self.palette[np.arange(self.courses) % len(self.palette)]
+    def _lines(self) -> tuple[AnyInts, Bools]:
+        """Return the colour of each pass, and whether its yarn is that of the pass below."""
+        passes = self._passes
+        laid = courses_and_passes(passes, self.courses)
+        which = [course if self.chart is None else passes[n].color for course, n in laid]
+        colors = self.palette[np.array(which) % len(self.palette)]
         alike = (colors[1:] == colors[:-1]).all(axis=1)
-        return colors, alike & (self.edges == "turned" and self.wales >= 3)
+        return colors, alike & self._turns
 
     @property
     def line_families(self) -> Ints:
         """All yarns are courses."""
-        return np.zeros(self.courses - int(self._courses()[1].sum()), dtype=np.int64)
+        colors, joined = self._lines()
+        return np.zeros(len(colors) - int(joined.sum()), dtype=np.int64)
 
     @property
     def line_diameters(self) -> Floats:
@@ -146,27 +216,33 @@ class Knit(TextileKind):
 
     @property
     def line_colors(self) -> AnyInts:
-        """Colours repeated over the courses."""
-        colors, joined = self._courses()
+        """Colours repeated over the courses, or those of the chart."""
+        colors, joined = self._lines()
         return colors[np.append(True, ~joined)]
 
     @property
     def parts(self) -> int:
         """Number of parts of all tubes."""
-        return self.wales * self.courses * POINTS * PARTS
+        passes = self._passes
+        points = sum(column_starts(each)[-1] for each in passes)
+        return int(points * PARTS * self.wales * self.courses) // (
+            len(passes[0].letters) * (passes[-1].row + 1)
+        )
 
     def lines(self, progress: Progress | None = None) -> list[Floats]:
         """Repeat the relaxed loops, between selvedges or cut."""
-        rest, joined = self.rest(progress), self._courses()[1]
+        rest, joined = self.rest(progress), self._lines()[1].tolist()
+        sides = self.sides(progress)
         lines = repeat_knit(
-            rest.yarns, rest.cell, self.wales, self.courses, self.sides(progress), joined.tolist()
+            rest.yarns, rest.cell, self._passes, self.wales, self.courses, sides, joined
         )
         return [line * self.scale for line in lines]
 
     def figures(self, rest: Rest) -> list[FabricFigure]:
         """Return spacings, loop length, and their ratios."""
-        wale = float(rest.cell[0, 0]) / len(self.rows[0]) * self.size
-        course = float(rest.cell[1, 1]) / len(self.rows) * self.size
+        passes = self._passes
+        wale = float(rest.cell[0, 0]) / len(passes[0].letters) * self.size
+        course = float(rest.cell[1, 1]) / (passes[-1].row + 1) * self.size
         loop = self.stitch_length or STITCH * self.size
         return [
             FabricFigure("course_spacing", "course spacing", course, "m"),
@@ -177,8 +253,9 @@ class Knit(TextileKind):
         ]
 
     def lengths(self, rest: Rest) -> Floats:
-        """Return the given length of each course of a repeat, without its stretch."""
-        return np.full(len(self.rows), self._stitch_diameters * len(self.rows[0]))
+        """Return the given length of each yarn of a repeat, without its stretch."""
+        points = np.array([column_starts(each)[-1] for each in self._passes])
+        return points * (self._stitch_diameters / POINTS)
 
     def largest_overlap(self, rest: Rest) -> float:
         """Return the largest overlap of the repeat and its selvedges, in diameters."""

@@ -14,23 +14,14 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Progress
-from spacemap_vtk.textile.rods.crossings import find_crossings
 from spacemap_vtk.textile.rods.energy import RodMechanics
-from spacemap_vtk.textile.rods.lift import lift_yarns
+from spacemap_vtk.textile.rods.loops import POINTS, column_starts, draw_loops
 from spacemap_vtk.textile.rods.relax import STAGES, Relaxed, Stage, relax_yarns
+from spacemap_vtk.textile.rods.stitches import Pass, plan_passes
 from spacemap_vtk.textile.rods.yarns import Yarn
 
-#: Control points of a stitch.
-POINTS = 24
-#: Shape of a loop that is drawn: width of its neck against the wale spacing, and height over the
-#: course spacing.
-_NECK, _HEIGHT = 0.18, 0.80
-#: Wale and course spacing of the drawing, as shares of the length of a stitch.
-_WALE, _COURSE = 1 / 4, 1 / 5
-#: Control points that a course leaves out at each end, before the middle of a sinker loop, and
-#: those of the first and of the last stitch.
+#: Control points that a course leaves out at each end, before the middle of a sinker loop.
 _CUT = 2
-_SIDE = POINTS - _CUT
 #: Depth of a turn that is drawn over half of the course spacing.
 _DEPTH = 1.2
 #: Stages in which selvedges relax; fewer digits than those of stitches are seen.
@@ -38,66 +29,43 @@ _SIDE_STAGES = (*STAGES[:2], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
 #: Stitches of the strip on which selvedges are relaxed.
 _STRIP = 4
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1: yarns stretch by
-#: less than 0.1 % and overlap by less than 0.6 %.
+#: less than 0.1 %.
 _TENSION, _CONTACT = 1e3, 3e3
+#: Largest overlap of two yarns of a repeat [diameters].
+OVERLAP = 5e-3
 #: Diameters of yarn in a stitch: yarns of shorter loops overlap by more than 0.6 %, and longer ones
 #: do not hold each other.
 SHORTEST, LONGEST = 14.0, 40.0
 
 
-class KnitGuess(NamedTuple):
-    """Yarns of one repeat, one for each row, and its cell."""
-
-    yarns: list[Yarn]
-    cell: Floats
-
-
-def draw_knit(rows: Sequence[str], length: float) -> KnitGuess:
-    """Draw the loops of a knit, each through the loop below it."""
-    # Each row is one yarn along x; the face looks along z. Lengths are in diameters.
-    width = len(rows[0])
-    wale, course = _WALE * length, _COURSE * length
-    t = 2 * np.pi * (np.arange(width * POINTS) - 1) / POINTS
-    x = wale * (t / (2 * np.pi) + _NECK * np.sin(2 * t))
-    y = _HEIGHT * course * np.cos(t)
-    flat = [
-        Yarn(np.stack([x, y + row * course, 0 * x], axis=1), (1, 0)) for row in range(len(rows))
-    ]
-    cell = np.array([[wale * width, 0.0, 0.0], [0.0, course * len(rows), 0.0]])
-    crossings = find_crossings(flat, cell)
-    # Seen from the face, the legs of a knit stitch lie above the head of the loop below, and its
-    # feet below the legs of that loop; those of a purl stitch the other way round.
-    height = crossings.yarns.copy()
-    height[:, 1] += len(rows) * crossings.shift[:, 1]
-    upper = height.argmax(axis=1)[:, None]
-    stitch = crossings.parameters / POINTS
-    above, below = (np.take_along_axis(stitch, side, axis=1)[:, 0] for side in (upper, 1 - upper))
-    from_foot, from_head = abs(above % 1.0 - 0.5), abs(below - np.round(below))
-    row = np.take_along_axis(crossings.yarns, upper, axis=1)[:, 0]
-    is_knit = np.array([list(each) for each in rows])[row, np.round(above).astype(int) % width]
-    upper_is_above = (from_head < from_foot) == (is_knit == "k")
-    return KnitGuess(lift_yarns(flat, crossings, upper_is_above == (upper[:, 0] == 0)), cell)
-
-
-def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = None) -> Relaxed:
+def relax_knit(
+    rows: Sequence[str],
+    length: float,
+    chart: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Relaxed:
     """Relax a knit without friction or set, in a cell that follows its yarns.
 
     Parameters
     ----------
     rows : sequence of str
-        As for `draw_knit`.
+        Stitches of a repeat, the lowest row first.
     length : float
         Length of yarn in a stitch [diameters].
+    chart : sequence of str, optional
+        Colours of a repeat, as for `plan_passes`; by default there is one.
     progress : callable, optional
         Called with the share that is done, 0 to 1; may raise to stop.
 
     Returns
     -------
     Relaxed
-        Yarns at rest, in diameters, for a bending stiffness of 1.
+        Yarns at rest, one for each pass, in diameters, for a bending stiffness of 1.
 
     Raises
     ------
+    InputError
+        If the stitches cannot be knitted.
     GeometryError
         If a stitch is too short for loops that hold each other, or too long.
     SolverError
@@ -110,10 +78,17 @@ def relax_knit(rows: Sequence[str], length: float, progress: Progress | None = N
             value=f"{length:.4g} diameters",
             allowed=f"{SHORTEST:g} to {LONGEST:g} diameters; usual knits have up to 25",
         )
-    guess, count = draw_knit(rows, length), len(rows)
-    mechanics = _mechanics(count, length)
+    passes = plan_passes(rows, chart)
+    drawing = draw_loops(passes, length)
     free = np.array([[True, False, False], [False, True, False]])
-    return relax_yarns(guess.yarns, guess.cell, mechanics, free, progress=progress)
+    mechanics = _mechanics(len(passes), length)
+    found = relax_yarns(drawing.yarns, drawing.cell, mechanics, free, progress=progress)
+    while found.overlap > OVERLAP:
+        # Dense stitches press yarns harder against each other: they need a stiffer contact.
+        stiffer = 1.2 * found.overlap / OVERLAP * mechanics.contact
+        mechanics = mechanics._replace(contact=stiffer)
+        found = relax_yarns(found.yarns, found.cell, mechanics, free, stages=STAGES[-1:])
+    return found
 
 
 def _mechanics(count: int, length: float) -> RodMechanics:
@@ -125,12 +100,12 @@ def _mechanics(count: int, length: float) -> RodMechanics:
 class Selvedges(NamedTuple):
     """Yarn at both sides of a knit, of as many courses as repeat themselves."""
 
-    left: Floats
-    """(R, k, 3) Control points of the first stitch of each course."""
-    right: Floats
-    """(R, k, 3) Those of the last stitch, for a piece of `wales` stitches."""
-    turns: Floats
-    """(R, m, 3) Control points of the turn after each course: right, left, right, …"""
+    left: list[Floats]
+    """(k, 3) Control points of the first stitch of each course."""
+    right: list[Floats]
+    """(k, 3) Those of the last stitch, for a piece of `wales` stitches."""
+    turns: list[Floats]
+    """(m, 3) Control points of the turn after each course: right, left, right, …"""
     wales: int
     """Stitches of the strip that was relaxed."""
     overlap: float
@@ -154,16 +129,23 @@ def strip_wales(repeat: int, wales: int) -> int:
 
 
 def relax_selvedges(
-    yarns: Sequence[Yarn], cell: Floats, length: float, wales: int, progress: Progress | None = None
+    yarns: Sequence[Yarn],
+    cell: Floats,
+    passes: Sequence[Pass],
+    length: float,
+    wales: int,
+    progress: Progress | None = None,
 ) -> Selvedges:
     """Relax the sides of a knit whose yarn turns after each course, at the right and left in turn.
 
     Parameters
     ----------
     yarns : sequence of Yarn
-        Relaxed yarns of a repeat, one for each row, in diameters.
+        Relaxed yarns of a repeat, one for each pass, in diameters.
     cell : ndarray of float64, shape (2, 3)
         Period vectors.
+    passes : sequence of Pass
+        Passes of the repeat, one for each row.
     length : float
         Length of yarn in a stitch [diameters].
     wales : int
@@ -181,14 +163,19 @@ def relax_selvedges(
     SolverError
         If the yarns do not come to rest.
     """
-    rows, strip = int(np.lcm(2, len(yarns))), strip_wales(len(yarns[0].points) // POINTS, wales)
-    courses = [_course(yarns, cell, strip, row) for row in range(rows + 1)]
+    rows, strip = int(np.lcm(2, len(yarns))), strip_wales(len(passes[0].letters), wales)
+    courses = [
+        _course(yarns[row % len(yarns)], cell, passes[row % len(yarns)], strip)
+        + row // len(yarns) * cell[1]
+        for row in range(rows + 1)
+    ]
+    sides = [_side_points(passes[row % len(yarns)], strip) for row in range(rows)]
     points, held = [], []
     for row, (line, above) in enumerate(itertools.pairwise(courses)):
-        side = 1.0 if row % 2 == 0 else -1.0
         inner = np.zeros(len(line), dtype=bool)
-        inner[_SIDE:-_SIDE] = True
-        line, above = (each if side > 0 else each[::-1] for each in (line, above))
+        inner[sides[row][0] : -sides[row][1]] = True
+        side = 1.0 if row % 2 == 0 else -1.0
+        inner, line, above = (each if side > 0 else each[::-1] for each in (inner, line, above))
         turn = _draw_turn(line[-1], above[-1], side, length / POINTS)
         points += [line, turn]
         held += [inner, np.zeros(len(turn), dtype=bool)]
@@ -207,9 +194,9 @@ def relax_selvedges(
     parts = np.split(found.yarns[0].points, ends)
     lines = [line if row % 2 == 0 else line[::-1] for row, line in enumerate(parts[::2])]
     return Selvedges(
-        np.stack([line[:_SIDE] for line in lines]),
-        np.stack([line[-_SIDE:] for line in lines]),
-        np.stack(parts[1::2]),
+        [line[:left] for line, (left, _) in zip(lines, sides, strict=True)],
+        [line[-right:] for line, (_, right) in zip(lines, sides, strict=True)],
+        parts[1::2],
         strip,
         found.overlap,
     )
@@ -218,6 +205,7 @@ def relax_selvedges(
 def repeat_knit(
     yarns: Sequence[Yarn],
     cell: Floats,
+    passes: Sequence[Pass],
     wales: int,
     courses: int,
     selvedges: Selvedges | None = None,
@@ -228,13 +216,15 @@ def repeat_knit(
     Parameters
     ----------
     yarns : sequence of Yarn
-        Yarns of a repeat, one for each row.
+        Yarns of a repeat, one for each pass.
     cell : ndarray of float64, shape (2, 3)
         Period vectors.
+    passes : sequence of Pass
+        Passes of the repeat.
     wales, courses : int
         Stitches across, and rows.
     selvedges : Selvedges, optional
-        Sides at which the yarn turns; without them each course is a yarn of its own.
+        Sides at which the yarn turns; without them each pass is a yarn of its own.
     joined : sequence of bool, optional
         For each course but the last, whether its yarn turns and knits the next course.
 
@@ -244,16 +234,20 @@ def repeat_knit(
         Control points of each yarn, from the lowest course up.
     """
     lines: list[Floats] = []
-    for course in range(courses):
-        line = _course(yarns, cell, wales, course)
+    for course, number in courses_and_passes(passes, courses):
+        row = course % (passes[-1].row + 1)
+        line = (
+            _course(yarns[number], cell, passes[number], wales)
+            + (course - row) // (passes[-1].row + 1) * cell[1]
+        )
         if selvedges is None:
             lines.append(line)
             continue
         turn, row = divmod(course, len(selvedges.left))
         up = turn * (len(selvedges.left) // len(yarns)) * cell[1]
-        across = (wales - selvedges.wales) / (len(yarns[0].points) // POINTS) * cell[0]
-        line[:_SIDE] = selvedges.left[row] + up
-        line[-_SIDE:] = selvedges.right[row] + up + across
+        across = (wales - selvedges.wales) // len(passes[0].letters) * cell[0]
+        line[: len(selvedges.left[row])] = selvedges.left[row] + up
+        line[-len(selvedges.right[row]) :] = selvedges.right[row] + up + across
         line = line if row % 2 == 0 else line[::-1]
         if course and joined[course - 1]:
             line = np.concatenate([lines.pop(), line])
@@ -264,13 +258,43 @@ def repeat_knit(
     return lines
 
 
-def _course(yarns: Sequence[Yarn], cell: Floats, wales: int, course: int) -> Floats:
+def courses_and_passes(passes: Sequence[Pass], courses: int) -> list[tuple[int, int]]:
+    """List the passes of a piece: the course and the number of the pass in the repeat of each.
+
+    Parameters
+    ----------
+    passes : sequence of Pass
+        Passes of a repeat.
+    courses : int
+        Number of rows.
+
+    Returns
+    -------
+    list of (int, int)
+        From the lowest course up.
+    """
+    height = passes[-1].row + 1
+    return [
+        (course, number)
+        for course in range(courses)
+        for number, each in enumerate(passes)
+        if each.row == course % height
+    ]
+
+
+def _side_points(each: Pass, wales: int) -> tuple[int, int]:
+    """Return how many control points of a course belong to its first and to its last stitch."""
+    sizes = np.diff(column_starts(each)) - _CUT
+    return int(sizes[0]), int(sizes[(wales - 1) % len(sizes)])
+
+
+def _course(yarn: Yarn, cell: Floats, each: Pass, wales: int) -> Floats:
     """Return the control points of a course, between the middles of two sinker loops."""
-    turn, row = divmod(course, len(yarns))
-    points = yarns[row].points
-    first, count = POINTS // 2 + _CUT, POINTS * wales + 3 - 2 * _CUT
-    period, index = np.divmod(np.arange(first, first + count), len(points))
-    return np.asarray(points[index] + (period - 1)[:, None] * cell[0] + turn * cell[1])
+    starts = column_starts(each)
+    turns, rest = divmod(wales, len(starts) - 1)
+    count = turns * starts[-1] + starts[rest] + 3 - 2 * _CUT
+    period, index = np.divmod(_CUT - 1 + np.arange(count), starts[-1])
+    return np.asarray(yarn.points[index] + period[:, None] * cell[0])
 
 
 def _draw_turn(start: Floats, end: Floats, side: float, step: float) -> Floats:

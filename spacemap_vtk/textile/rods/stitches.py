@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from math import lcm
 from typing import NamedTuple
 
@@ -28,7 +29,8 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
 GRAMMAR = (
     "a structure out of "
     + ", ".join(f'"{name}"' for name in STRUCTURES)
-    + ', or the rows of a repeat, the lowest first, as ["kkp", "kpk"] (k: knit, p: purl)'
+    + ', or the rows of a repeat, the lowest first, as ["kkp", "kpk"] '
+    "(k: knit, p: purl, t: tuck, m: miss)"
 )
 #: Description of what `parse_chart` accepts.
 CHART_GRAMMAR = (
@@ -37,6 +39,8 @@ CHART_GRAMMAR = (
 )
 #: Largest number of stitches in a repeat, and of colours in a row.
 _MOST, MOST_COLORS = 400, 4
+#: Largest number of courses over which a loop is held.
+MOST_HELD = 4
 
 
 class Pass(NamedTuple):
@@ -61,7 +65,7 @@ def parse_rows(value: object) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Rows of one repeat, the lowest first, of the letters k and p.
+        Rows of one repeat, the lowest first, of the letters k, p, t and m.
 
     Raises
     ------
@@ -77,7 +81,7 @@ def parse_rows(value: object) -> tuple[str, ...]:
         name = " ".join(value.lower().split())
         if name in STRUCTURES:
             return STRUCTURES[name]
-    return _parse_grid(value, "kp", "the stitches of a knit")
+    return _parse_grid(value, "kptm", "the stitches of a knit")
 
 
 def parse_chart(value: object) -> tuple[str, ...]:
@@ -134,7 +138,8 @@ def plan_passes(rows: Sequence[str], chart: Sequence[str] = ()) -> list[Pass]:
     Raises
     ------
     InputError
-        If the repeat becomes too large.
+        If the repeat becomes too large; if a yarn holds no stitch; or if a loop is never cast off,
+        or held over more than 4 rows.
 
     Examples
     --------
@@ -159,7 +164,34 @@ def plan_passes(rows: Sequence[str], chart: Sequence[str] = ()) -> list[Pass]:
                 for stitch, own in zip(stitches, colors, strict=True)
             )
             passes.append(Pass(letters, row, ord(color) - ord("A")))
+    _require_knittable(passes)
     return passes
+
+
+def _require_knittable(passes: Sequence[Pass]) -> None:
+    """Refuse yarns that nothing holds, and loops that are never or too late cast off."""
+    for each in passes:
+        if set(each.letters) == {"m"}:
+            raise InputError(
+                f"row {each.row + 1} only misses, so that nothing holds its yarn",
+                cure="Knit, purl or tuck at least one of its stitches.",
+            )
+    height = passes[-1].row + 1
+    for needle, column in enumerate(zip(*(each.letters for each in passes), strict=True), 1):
+        rows = [each.row for each, letter in zip(passes, column, strict=True) if letter in "kp"]
+        if not rows:
+            raise InputError(
+                f"stitch {needle} is neither knitted nor purled in any row, so that its loops are "
+                "never cast off",
+                cure="Write k or p there in at least one row.",
+            )
+        held = max(b - a for a, b in pairwise([*rows, rows[0] + height]))
+        if held > MOST_HELD:
+            raise InputError(
+                f"a loop of stitch {needle} is held over {held} rows; a loop is long enough for "
+                f"{MOST_HELD}",
+                cure="Write k or p there in more rows.",
+            )
 
 
 def _parse_grid(value: object, letters: str, what: str) -> tuple[str, ...]:
@@ -183,7 +215,7 @@ def _spell_out(row: str, letters: str) -> str:
     text = text.lower() if lower else text.upper()
     found = re.findall(rf"([{letters}])(\d{{0,3}})", text)
     if "".join(letter + count for letter, count in found) != text:
-        allowed = " and ".join(letters) if len(letters) < 3 else f"{letters[0]} to {letters[-1]}"
+        allowed = "k, p, t and m" if lower else "A to Z"
         raise InputError(f'the row "{row}" has other letters than {allowed}')
     spelled = "".join(letter * int(count or 1) for letter, count in found)
     if not spelled:
