@@ -21,7 +21,7 @@ from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 #: Straight pieces in each span.
 _PIECES = 8
 #: Direction along which yarns that lie straight above each other do not hide each other.
-_ASKEW = (0.013, 0.007, 1.0)
+ASKEW = (0.013, 0.007, 1.0)
 
 
 class Crossings(NamedTuple):
@@ -96,7 +96,7 @@ def linking_numbers(yarns: Sequence[Yarn], cell: Floats) -> dict[tuple[int, ...]
     # yarns and the periods by which the second one is moved. Sums of 0 are left out, and those of a
     # line with itself, which moves can change.
     periods = [yarn.periods or (0, 0) for yarn in yarns]
-    found = find_crossings(yarns, cell, _ASKEW)
+    found = find_crossings(yarns, cell, ASKEW)
     sums: Counter[tuple[int, ...]] = Counter()
     for pair, shift, sign in zip(
         found.yarns.tolist(), found.shift.tolist(), found.signs.tolist(), strict=True

@@ -14,6 +14,8 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.textile.rods.alexander import alexander_value, require_same_crossings
+from spacemap_vtk.textile.rods.crossings import ASKEW, find_crossings
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.loops import POINTS, column_starts, draw_loops
 from spacemap_vtk.textile.rods.relax import STAGES, Relaxed, Stage, relax_yarns
@@ -24,6 +26,8 @@ from spacemap_vtk.textile.rods.yarns import Yarn
 _CUT = 2
 #: Depth of a turn that is drawn over half of the course spacing.
 _DEPTH = 1.2
+#: Stages of knits with floats or held loops, which slide far and come to rest slowly.
+_STAGES = (*STAGES[:2], Stage(1.0, 0.03, 1e-4), Stage(1.0, 0.2, 1e-4), Stage(1.0, 1.0, 1e-6))
 #: Stages in which selvedges relax; fewer digits than those of stitches are seen.
 _SIDE_STAGES = (*STAGES[:2], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
 #: Stitches of the strip on which selvedges are relaxed.
@@ -67,7 +71,8 @@ def relax_knit(
     InputError
         If the stitches cannot be knitted.
     GeometryError
-        If a stitch is too short for loops that hold each other, or too long.
+        If a stitch is too short for loops that hold each other, or too long, or if yarns have
+        passed through each other.
     SolverError
         If the yarns do not come to rest.
     """
@@ -82,12 +87,17 @@ def relax_knit(
     drawing = draw_loops(passes, length)
     free = np.array([[True, False, False], [False, True, False]])
     mechanics = _mechanics(len(passes), length)
-    found = relax_yarns(drawing.yarns, drawing.cell, mechanics, free, progress=progress)
+    stages = STAGES if set("".join(rows)) <= set("kp") and not chart else _STAGES
+    found = relax_yarns(
+        drawing.yarns, drawing.cell, mechanics, free, stages=stages, progress=progress
+    )
     while found.overlap > OVERLAP:
         # Dense stitches press yarns harder against each other: they need a stiffer contact.
         stiffer = 1.2 * found.overlap / OVERLAP * mechanics.contact
         mechanics = mechanics._replace(contact=stiffer)
-        found = relax_yarns(found.yarns, found.cell, mechanics, free, stages=STAGES[-1:])
+        found = relax_yarns(found.yarns, found.cell, mechanics, free, stages=stages[-1:])
+    pattern = alexander_value(drawing.yarns, drawing.crossings)
+    require_same_crossings(pattern, found.yarns, found.cell)
     return found
 
 
@@ -160,6 +170,8 @@ def relax_selvedges(
 
     Raises
     ------
+    GeometryError
+        If yarns have passed through each other.
     SolverError
         If the yarns do not come to rest.
     """
@@ -181,8 +193,10 @@ def relax_selvedges(
         held += [inner, np.zeros(len(turn), dtype=bool)]
     period = np.stack([np.zeros(3), rows // len(yarns) * cell[1]])
     mechanics = _mechanics(1, length)
+    drawn = [Yarn(np.concatenate(points), (0, 1))]
+    before = alexander_value(drawn, find_crossings(drawn, period, ASKEW))
     found = relax_yarns(
-        [Yarn(np.concatenate(points), (0, 1))],
+        drawn,
         period,
         mechanics,
         np.zeros((2, 3), dtype=bool),
@@ -190,6 +204,7 @@ def relax_selvedges(
         stages=_SIDE_STAGES,
         progress=progress,
     )
+    require_same_crossings(before, found.yarns, period)
     ends = np.cumsum([len(part) for part in points])[:-1]
     parts = np.split(found.yarns[0].points, ends)
     lines = [line if row % 2 == 0 else line[::-1] for row, line in enumerate(parts[::2])]

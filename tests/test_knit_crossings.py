@@ -1,0 +1,72 @@
+"""Crossings of knits, counted by hand, and a number that changes only if yarns pass each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from spacemap_vtk.errors import GeometryError
+from spacemap_vtk.textile.rods.alexander import alexander_value, require_same_crossings
+from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings
+from spacemap_vtk.textile.rods.loops import draw_loops
+from spacemap_vtk.textile.rods.stitches import plan_passes
+
+PATTERNS = [
+    (["k"], ()),
+    (["kp", "pk"], ()),
+    (["kkk", "kmk"], ()),
+    (["kkk", "ktk"], ()),
+    (["kp", "tp"], ()),
+    (["kp"], ["AB", "BA"]),
+]
+
+
+def with_order(crossings: Crossings, first_is_above: np.ndarray) -> Crossings:
+    """Exchange the two yarns of some crossings."""
+    turned = ~first_is_above[:, None]
+    pairs = (np.where(turned, each[:, ::-1], each) for each in crossings[:2])
+    sign = np.where(first_is_above, 1, -1)
+    return Crossings(*pairs, sign[:, None] * crossings.shift, sign * crossings.signs)
+
+
+@pytest.mark.parametrize(("rows", "chart"), PATTERNS)
+def test_the_value_is_the_same_from_everywhere_and_changes_if_a_yarn_passes(rows, chart):
+    drawing = draw_loops(plan_passes(rows, chart), 16.0)
+    value = alexander_value(drawing.yarns, drawing.crossings)
+    for direction in ((0.0, 0.0, 1.0), (0.5, 0.3, 1.0), (-0.4, 1.0, 0.7)):
+        seen = find_crossings(drawing.yarns, drawing.cell, direction)
+        assert alexander_value(drawing.yarns, seen) == pytest.approx(value, abs=1e-9)
+    for number in range(len(drawing.crossings.signs)):
+        kept = np.arange(len(drawing.crossings.signs)) != number
+        other = alexander_value(drawing.yarns, with_order(drawing.crossings, kept))
+        assert abs(other - value) > 1e-3
+
+
+def test_courses_that_lie_on_each_other_have_the_value_of_straight_yarns():
+    # one unknown for each yarn, which is its own image a period further: |1 - u|
+    drawing = draw_loops(plan_passes(["kp", "pk"]), 16.0)
+    crossings = drawing.crossings
+    number = crossings.yarns.copy()
+    number[:, 1] += 2 * crossings.shift[:, 1]
+    flat = with_order(crossings, number[:, 0] > number[:, 1])
+    straight = 2 * np.log(abs(1 - np.exp(1.9j)))
+    assert alexander_value(drawing.yarns, flat) == pytest.approx(straight, abs=1e-9)
+
+
+def test_knit_stitches_that_became_purl_stitches_are_refused():
+    drawing = draw_loops(plan_passes(["k"]), 16.0)
+    value = alexander_value(drawing.yarns, drawing.crossings)
+    require_same_crossings(value, drawing.yarns, drawing.cell)
+    turned = [yarn._replace(points=yarn.points * [1, 1, -1]) for yarn in drawing.yarns]
+    with pytest.raises(GeometryError, match="passed through"):
+        require_same_crossings(value, turned, drawing.cell)
+
+
+def test_a_stitch_crosses_each_loop_that_it_casts_off_four_times():
+    for rows, crossings in [
+        (["k"], 4),
+        (["k" * 3, "kmk"], 2 * 8 + 4 + 2),  # and a float two legs
+        (["k" * 3, "ktk"], 2 * 8 + 8 + 2),  # and a tuck two legs of the loop before it
+        (["k" * 3, "ktk", "ktk"], 3 * 8 + 12 + 3 * 2),
+    ]:
+        assert len(draw_loops(plan_passes(rows), 16.0).crossings.signs) == crossings
