@@ -9,7 +9,7 @@ import pytest
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.textile_sheet import sheet_of_textile
+from spacemap_vtk.filters.textile_sheet import law_of_textile, sheet_of_textile
 from spacemap_vtk.filters.textiles.braid import Braid
 from spacemap_vtk.filters.textiles.knit import Knit
 from spacemap_vtk.filters.textiles.woven import Mesh
@@ -17,7 +17,9 @@ from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
+from spacemap_vtk.textile.rods.cell_law import RAYS, CellLaw, _graded, _radius
 from spacemap_vtk.textile.rods.energy import RodMechanics
+from spacemap_vtk.textile.rods.relax import LAST, relax_yarns
 from spacemap_vtk.textile.rods.stiffness import FLOOR, raise_to_floor, set_stiffness
 from spacemap_vtk.textile.rods.yarns import Yarn
 from spacemap_vtk.textile.weave.cloth import Cloth
@@ -114,3 +116,92 @@ def test_a_strip_with_a_natural_curvature_becomes_an_arc(side):
     angle = length / radius
     arc = [radius * math.sin(angle), width / 2, side * radius * (1.0 - math.cos(angle))]
     assert end == pytest.approx(arc, abs=5e-4 * length)
+
+
+def energy_of_a_membrane(x, y):
+    """Compute a smooth energy of stretches 1 + x and 1 + y, which stiffens, and its forces."""
+    energy = 6.0 * x * x + 12.0 * y * y + 9.0 * x * y + 300.0 * (x**4 + x * x * y * y + 2.0 * y**4)
+    by_x = 12.0 * x + 9.0 * y + 300.0 * (4.0 * x**3 + 2.0 * x * y * y)
+    by_y = 24.0 * y + 9.0 * x + 300.0 * (2.0 * x * x * y + 8.0 * y**3)
+    return energy, by_x, by_y
+
+
+@pytest.fixture(scope="module")
+def law():
+    """Return the law of that energy."""
+    graded, scale = np.linspace(0.0, 1.0, 31), 0.02
+    radius, angle = _radius(graded), 2 * np.pi * np.arange(RAYS) / RAYS
+    radius[0] = 1e-6
+    energy, *_ = energy_of_a_membrane(
+        np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))
+    )
+    values = np.log1p(energy / scale) / _graded(radius)[:, None] ** 2
+    return CellLaw(values, np.array([scale, 500.0, 3.0]))
+
+
+def test_a_law_from_a_table_of_energies_has_the_forces_of_that_energy(law):
+    for size in (0.02, 0.1, 0.3):
+        x, y = size * np.cos(angle := np.linspace(0.1, 6.2, 40)), size * np.sin(angle)
+        found = law.respond(1.0 + x, 1.0 + y, 0.0 * x)
+        energy, *forces = energy_of_a_membrane(x, y)
+        assert found.energy == pytest.approx(energy, rel=0.02)
+        assert abs(found.first[:2] - forces).max() < 0.02 * abs(np.array(forces)).max()
+    at_rest = law.evaluate(np.zeros((1, 3))).tangent[0]
+    assert at_rest == pytest.approx(
+        np.array([[12.0, 9.0, 0], [9.0, 24.0, 0], [0, 0, 3.0]]), rel=0.01
+    )
+
+
+@pytest.mark.parametrize("size", [1e-4, 0.03, 0.3, 1.5])
+def test_stress_and_tangent_of_a_cell_s_law_are_derivatives(law, size):
+    strain = size * np.random.default_rng(0).uniform(-0.4, 1.0, (50, 3)) * [1.0, 1.0, 0.3]
+    found, step = law.evaluate(strain), 1e-5 * size
+    for axis in range(3):
+        move = np.zeros(3)
+        move[axis] = step
+        ahead, back = law.evaluate(strain + move), law.evaluate(strain - move)
+        force = (ahead.energy - back.energy) / (2 * step)
+        assert abs(found.stress[:, axis] - force).max() < 1e-5 * abs(found.stress).max()
+        stiff = (ahead.stress - back.stress) / (2 * step)
+        assert abs(found.tangent[:, axis] - stiff).max() < 1e-4 * abs(found.tangent).max()
+
+
+@pytest.mark.nightly
+def test_a_knit_has_a_j_curve_whose_beginning_is_the_schur_complement():
+    knit = Knit(diameter=MM, tension=60.0, bending=2e-8)
+    law, plate = law_of_textile(knit), sheet_of_textile(knit).plate
+    at_rest = law.evaluate(np.zeros((1, 3))).tangent[0]
+    assert at_rest[:2, :2] == pytest.approx(plate.membrane[:2, :2], rel=0.05)
+    stretch = np.array([1.05, 1.1, 1.2, 1.3])
+    for axis in (0, 1):
+        strain = np.zeros((4, 3))
+        strain[:, axis] = (stretch**2 - 1.0) / 2
+        force = law.stress(strain)[:, axis] * stretch
+        slopes = np.diff(force) / np.diff(stretch)
+        # soft as loops turn, and stiff when their yarn is straight
+        assert (np.diff(slopes) > 0.0).all()
+        assert slopes[-1] > 15.0 * slopes[0]
+    # the energy of a state between the rays, by its own search
+    mechanics = knit.mechanics_of_sheet(knit.rest())
+    rest = relax_yarns(
+        knit.rest().yarns, knit.rest().cell, mechanics, np.eye(2, 3, dtype=bool), stages=[LAST]
+    )
+    ratio = np.array([1.14, 0.96, 1.0])
+    yarns, cell = rest.yarns, rest.cell
+    for share in (0.25, 0.5, 0.75, 1.0):
+        now = 1.0 + share * (ratio - 1.0)
+        before = 1.0 + (share - 0.25) * (ratio - 1.0)
+        moved = [yarn._replace(points=yarn.points * now / before) for yarn in yarns]
+        state = relax_yarns(
+            moved, cell * now, mechanics, np.zeros((2, 3), dtype=bool), stages=[LAST]
+        )
+        yarns = state.yarns
+    area = cell[0, 0] * cell[1, 1] * MM**2
+    energy = (state.state.energy - rest.state.energy) / area * 2e-8 / MM
+    found = law.respond(*ratio[:2, None], np.zeros(1)).energy[0]
+    assert found == pytest.approx(energy, rel=0.1)
+
+
+def test_yarns_that_are_set_have_no_other_law():
+    with pytest.raises(InputError, match="its law is linear"):
+        law_of_textile(Mesh(tension=60.0, bending=2e-8))

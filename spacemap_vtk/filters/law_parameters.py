@@ -10,6 +10,7 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.cage_material import WOVEN, CageMaterial
 from spacemap_vtk.filters.textile import StatedYarns
+from spacemap_vtk.filters.textile_sheet import law_of_textile
 from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io import registry
@@ -34,12 +35,12 @@ class LawParameters(CageMaterial):
         None,
         "Law of a sheet's membrane. linear: the stress is the stiffness times the strain; slack "
         "cloth pushes as hard as taut cloth pulls. yarns: the energy of the yarns as they exchange "
-        "crimp, are slack, straighten or jam, and touch each other in shear. curves: forces that "
-        "were measured, see warp_curve. Small vibrations about an undeformed sheet are linear with "
-        "each of them.",
+        "crimp, are slack, straighten or jam, and touch each other in shear; of a knit, that of "
+        "its strained loops, which takes half a minute once. curves: forces that were measured, "
+        "see warp_curve. Small vibrations about an undeformed sheet are linear with each of them.",
         ["linear", "yarns", "curves"],
-        automatic='yarns with material = "yarns"; curves with warp_curve; otherwise, or with '
-        "tensile_rigidity or poissons_ratio_in_plane, linear",
+        automatic='yarns with material = "yarns" of a weave; curves with warp_curve; otherwise, or '
+        "with tensile_rigidity or poissons_ratio_in_plane, linear",
         group="Sheet",
         when=_SHEET,
     )
@@ -68,13 +69,22 @@ class LawParameters(CageMaterial):
         when=_SHEET,
     )
 
+    @property
+    def has_textile(self) -> bool:
+        """Whether the yarns are those of a textile, whose law takes long."""
+        return False
+
+    def report_law(self, share: float) -> None:
+        """Report which share of a law is tabulated."""
+
     def law_in_use(self) -> str:
         """Return the law that applies; refuse contradictory values."""
         curves = [name for name in ("warp_curve", "weft_curve", "shear_curve") if self._has(name)]
         linear = [name for name in _LINEAR_FIGURES if self._has(name)]
         from_yarns = self.material == WOVEN
         if self.law is None and not curves:
-            return "yarns" if from_yarns and not linear else "linear"
+            nonlinear = from_yarns and not linear and not self.has_textile
+            return "yarns" if nonlinear else "linear"
         law = self.law or "curves"
         if law == "yarns" and not from_yarns:
             raise InputError(
@@ -130,8 +140,9 @@ class LawParameters(CageMaterial):
     def _add_law(self, plate: Plate, cloth: Cloth | TextileKind | None, yarns: Any) -> Plate:
         """Add the law of the membrane to a plate, which has its stiffness at rest."""
         law = self.law_in_use()
-        if law == "yarns" and isinstance(cloth, TextileKind):
-            return plate
+        if isinstance(cloth, TextileKind) and law == "yarns":
+            found_law = law_of_textile(cloth, self.report_law)
+            return replace(plate, law=found_law.with_shear(float(plate.membrane[2, 2])))
         if law == "linear":
             return plate
         if law == "curves":

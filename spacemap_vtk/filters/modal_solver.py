@@ -293,6 +293,15 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         if self.material == WOVEN:
             self.Modified()
 
+    @property
+    def has_textile(self) -> bool:
+        """Whether the yarns are those of a textile, whose law takes long."""
+        return isinstance(self._yarns, StatedYarns)
+
+    def report_law(self, share: float) -> None:
+        """Report which share of a law is tabulated."""
+        self.report_progress(share, "law of the yarns")
+
     def check(self) -> None:
         """Check the material."""
         self.check_material(self._yarns)
@@ -565,7 +574,7 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         """Whether the cage is to hang, and there is a load under which it hangs."""
         given = any(self.gravity) or self.dead_loads or self._terms or self.start
         given = given or self.obstacles or self.grips
-        given = given or (self.material == WOVEN and isinstance(self._yarns, StatedYarns))
+        given = given or (self.material == WOVEN and self.has_textile)
         return self.hang and bool(given)
 
     @property

@@ -22,12 +22,15 @@ from spacemap_vtk.filters.textiles import KINDS
 from spacemap_vtk.filters.textiles.kind import Rest, TextileKind
 from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
-from spacemap_vtk.ndarrays import Progress
+from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.textile.rods.cell_law import RAYS, CellLaw, tabulate_cell
 from spacemap_vtk.textile.rods.stiffness import (
+    SIDES,
     CellStiffness,
     cell_stiffness,
     raise_to_floor,
     set_stiffness,
+    settle_springs,
 )
 from spacemap_vtk.textile.weave.cloth import Cloth
 
@@ -37,6 +40,8 @@ _TEXTILE = "cloth_textile"
 _SQUARE = 1e-3
 #: Poisson's ratio of a strip, as a sheet that is equally stiff along and across.
 _RATIO = 0.3
+#: What was computed last, by digest.
+_recent: dict[str, dict[str, Floats]] = {}
 
 
 class TextileSheet(NamedTuple):
@@ -122,26 +127,61 @@ def _require_sheet(kind: TextileKind, progress: Progress | None) -> Rest:
     return rest
 
 
-def _cell_stiffness(kind: TextileKind, rest: Rest) -> CellStiffness:
-    mechanics = kind.mechanics_of_sheet(rest)
-    points = np.concatenate([yarn.points for yarn in rest.yarns])
-    key = digest_of(
-        "sheet of a textile",
+def law_of_textile(kind: TextileKind, progress: Progress | None = None) -> CellLaw:
+    """Compute the law of a textile's membrane from its strained cell, or load it."""
+    if not kind.springs:
+        raise InputError(
+            "the yarns of this textile are set in their shape, so that its law is linear",
+            key="law",
+            value="yarns",
+            cure='Leave out law, or measure the sheet and set law = "curves".',
+        )
+    rest = _require_sheet(kind, None)
+    unit, force = kind.scale, kind.require_bending() / kind.scale**2
+    membrane = _cell_stiffness(kind, rest).membrane
+    key = _digest(kind, rest, "law")
+    found = _recent.get(key) or cache.load(key, values=(-1, RAYS), constants=(2,))
+    if found is None:
+        mechanics = kind.mechanics_of_sheet(rest)
+        yarns, cell = settle_springs(rest.yarns, rest.cell, mechanics)
+        made = tabulate_cell(yarns, cell, mechanics, membrane, progress)
+        found = {"values": made.values, "constants": np.array([made.scale, made.beyond])}
+        cache.store(key, **found)
+    _keep(key, found)
+    constants = np.append(found["constants"], membrane[2, 2]) * force / unit
+    return CellLaw(found["values"], constants)
+
+
+def _digest(kind: TextileKind, rest: Rest, what: str) -> str:
+    return digest_of(
+        f"{what} of a textile",
         str(kind.springs),
         *(str(yarn.periods) for yarn in rest.yarns),
         *(yarn.diameter for yarn in rest.yarns),
-        points,
+        np.concatenate([yarn.points for yarn in rest.yarns]),
         rest.cell,
-        *mechanics,
+        *kind.mechanics_of_sheet(rest),
     )
+
+
+def _cell_stiffness(kind: TextileKind, rest: Rest) -> CellStiffness:
+    mechanics, key = kind.mechanics_of_sheet(rest), _digest(kind, rest, "sheet")
     shapes = {"membrane": (3, 3), "bending": (2, 2), "moment": (2,)}
-    found = cache.load(key, **shapes)
+    found = _recent.get(key) or cache.load(key, **shapes)
     if found is None:
         if kind.springs:
-            free = np.eye(2, 3, dtype=bool)
-            made = cell_stiffness(rest.yarns, rest.cell, mechanics, free)
+            yarns, cell = settle_springs(rest.yarns, rest.cell, mechanics)
+            made = cell_stiffness(yarns, cell, mechanics, SIDES)
         else:
             made = set_stiffness(rest.yarns, rest.cell, mechanics)
         found = made._asdict()
         cache.store(key, **found)
+    _keep(key, found)
     return CellStiffness(**found)
+
+
+def _keep(key: str, found: dict[str, Floats]) -> None:
+    """Keep a result in memory, and forget an old one."""
+    if len(_recent) > 8:
+        _recent.pop(next(iter(_recent)))
+    _recent[key] = found

@@ -71,6 +71,8 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     found = pull_bias(fabric, extension, progress)
     kinematic = kinematic_angle(extension)
     readings, notes = [], []
+    if fabric.loops:
+        notes.append("the angle of rigid yarns is that of woven cloth; loops have none")
     if found.force[-1] < _FORCE:
         note = f"the force stays below 5 gf/cm up to {LARGEST:.0%}"
         readings.append(Reading("EB5", "extension", "bias", None, PERCENT, note=note))

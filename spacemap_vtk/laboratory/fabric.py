@@ -32,6 +32,9 @@ class Fabric:
     yarns: YarnMechanics | None = None
     #: Coefficient of friction of yarns on each other; None if it is not known.
     friction: float | None = None
+    #: Whether its yarns are loops, as of a knit, which lie neither along the warp nor the weft. Its
+    #: warp is along the wales, its weft along the courses.
+    loops: bool = False
 
     def stress(self, strain: Floats) -> Floats:
         """Compute the membrane stress.

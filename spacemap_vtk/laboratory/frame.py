@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.laboratory.fabric import Fabric
 from spacemap_vtk.laboratory.records import (
     DEGREE,
@@ -44,6 +45,14 @@ _DENSITY = 1.0
 
 def measure(fabric: Fabric, progress: Progress) -> Measurement:
     """Shear a square in a frame."""
+    if fabric.loops:
+        raise InputError(
+            "a picture frame shears cloth whose yarns lie along its bars; the loops of a knit do "
+            "not",
+            key="test",
+            value="frame",
+            cure="Measure shear or bias",
+        )
     angles = np.linspace(0.0, LARGEST, _STEPS + 1)
     force, states = shear_in_frame(fabric, angles, progress)
     readings = [

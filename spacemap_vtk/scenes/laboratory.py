@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.modal_solver import ModalSolver
+from spacemap_vtk.filters.textile_sheet import content_of
+from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.output import format_csv
 from spacemap_vtk.laboratory.catalogue import TESTS, LaboratoryTest, find_test
@@ -114,7 +116,10 @@ def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None)
         else:
             return None
     if scene.woven is None:
-        return Fabric(plate, thickness, mass, "the sheet in [modal]")
+        content = content_of(stage.output) if solver.material == WOVEN else None
+        loops = isinstance(content, TextileKind) and content.springs
+        origin = "the sheet in [modal]" if content is None else "its yarns"
+        return Fabric(plate, thickness, mass, origin, loops=loops)
     cloth = scene.woven.cloth
     thickness = fabric_figures(cloth)["thickness"]
     if solver.material == WOVEN and yarns is not None:

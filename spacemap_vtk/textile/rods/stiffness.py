@@ -29,12 +29,14 @@ import numpy as np
 from spacemap_vtk.ndarrays import Bools, Floats
 from spacemap_vtk.textile.rods.contact import Pairs, mean_diameters, separate
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-from spacemap_vtk.textile.rods.relax import relax_again
+from spacemap_vtk.textile.rods.relax import LAST, relax_again, relax_yarns
 from spacemap_vtk.textile.rods.yarns import Samples, Yarn, sample_yarns, unknowns
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
+#: Components of the periods that follow yarns which are springs.
+SIDES = np.eye(2, 3, dtype=bool)
 #: Curvatures of the cell, per diameter, between which the energy of bending is differenced. Yarns
 #: touch in few samples, so that the energy has ripples; smaller curvatures would measure those.
 _CURVATURE = 0.05
@@ -56,6 +58,34 @@ class CellStiffness(NamedTuple):
     moment: Floats
     """(2,) Moment per width that holds the textile flat [N], positive if it would curl up, towards
     z."""
+
+
+def settle_springs(
+    yarns: Sequence[Yarn], cell: Floats, mechanics: RodMechanics
+) -> tuple[list[Yarn], Floats]:
+    """Let yarns that were at rest with a similar stiffness come to rest with their own one.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Yarns nearly at rest.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors, along x and y [m]; their lengths follow the yarns.
+    mechanics : RodMechanics
+        Stiffness of the yarns.
+
+    Returns
+    -------
+    tuple of list of Yarn, and ndarray of float64, shape (2, 3)
+        Yarns and cell at rest.
+
+    Raises
+    ------
+    SolverError
+        If they do not come to rest.
+    """
+    found = relax_yarns(yarns, cell, mechanics, SIDES, stages=[LAST])
+    return found.yarns, found.cell
 
 
 def cell_stiffness(
