@@ -276,6 +276,16 @@ def check_orthogonal(scene: Scene) -> None:
     assert found["largest_overlap"] < 0.006
 
 
+def check_tricot(scene: Scene) -> None:
+    found = {figure.key: figure.value for figure in scene.textile.figures}
+    assert found["largest_overlap"] < 0.005
+    # Mass of both yarns of a stitch on its area.
+    yarn = (found["loop_length"] + found["back_loop_length"]) * scene.textile.linear_densities[0]
+    area = found["course_spacing"] * found["wale_spacing"]
+    assert found["areal_mass"] == pytest.approx(yarn / area)
+    assert 2.0 < found["thickness"] / 1e-4 < 6.0
+
+
 def check_leno(scene: Scene) -> None:
     found = {figure.key: figure.value for figure in scene.textile.figures}
     assert found["crossing_crimp"] > found["standing_crimp"] > 0.0
@@ -323,6 +333,7 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "rib_2x2": check_knit(1.08, 0.40),
     "garter": check_knit(0.71, 1.04),
     "seed_stitch": check_knit(0.77, 0.91),
+    "tricot": check_tricot,
     # Taut strands lie in two layers at each crossing.
     "three_strand_plait": check_figures(pick_length=15e-3, thickness=12e-3),
     # Helices on the mean radius, half a diameter more than mandrel and inner yarns.
