@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from spacemap_vtk.filters.tetra_cage import TetraCage as TetraCage
     from spacemap_vtk.filters.textile_source import TextileSource as TextileSource
     from spacemap_vtk.filters.transient_response import TransientResponse as TransientResponse
+    from spacemap_vtk.filters.unit_cell import UnitCell as UnitCell
     from spacemap_vtk.filters.weave_source import WeaveSource as WeaveSource
 
 __version__ = "0.1.0"
@@ -38,6 +39,7 @@ FILTERS = {
     "WeaveSource": "spacemap_vtk.filters.weave_source",
     "TextileSource": "spacemap_vtk.filters.textile_source",
     "ObjectSource": "spacemap_vtk.filters.object_source",
+    "UnitCell": "spacemap_vtk.filters.unit_cell",
     "TetraCage": "spacemap_vtk.filters.tetra_cage",
     "LayerContact": "spacemap_vtk.filters.layer_contact",
     "ModalSolver": "spacemap_vtk.filters.modal_solver",

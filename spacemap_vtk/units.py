@@ -35,6 +35,7 @@ UNITS: dict[str, dict[str, float]] = {
         **{"epi": 1 / _INCH, "ppi": 1 / _INCH, "dpi": 1 / _INCH, "/10cm": 10.0},
     },
     "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
+    "1/K": {"1/K": 1.0, "ppm/K": 1e-6, "um/m/K": 1e-6},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0},
     "1/s": {"1/s": 1.0, "Hz": 1.0},
     "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6},

@@ -80,6 +80,10 @@ COMMANDS = {
         "measure:measure",
         "Measure a cloth as the instruments of a textile laboratory do.",
     ),
+    "constants": (
+        "constants:constants",
+        "Compute the elastic constants of a composite with a textile in it.",
+    ),
     "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
     "info": (
         "reports:info",

@@ -55,6 +55,10 @@ FOOT = "foot"
 #: Point array of the same yarns: the control point relative to that moved point [m].
 OFFSET = "interchange"
 
+#: Field arrays of patches: the two vectors after which the textile repeats itself, and a corner of
+#: a repeat that lies inside the piece [m].
+REPEAT, CORNER = "repeat", "repeat_corner"
+
 _DRAWDOWN = _PREFIX + "drawdown"
 _MEASURES = _PREFIX + "measures"
 _LAYERS = _PREFIX + "layers"

@@ -56,8 +56,8 @@ PIECE = (
     vtkStreamingDemandDrivenPipeline.UPDATE_NUMBER_OF_GHOST_LEVELS(),
 )
 
-#: The two types of data that a pipeline passes from stage to stage.
-Kind = Literal["object", "cage"]
+#: The types of data that a pipeline passes from stage to stage.
+Kind = Literal["object", "cage", "cell"]
 #: The pipeline information of a request: one vector for each input port.
 Inputs = tuple[vtkInformationVector, ...]
 #: If Python deletes its reference to a stage that VTK still holds, VTK keeps the stage's attributes

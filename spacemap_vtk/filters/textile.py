@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
@@ -93,6 +94,19 @@ class Textile:
     def make_draft(self) -> Draft | None:
         """Return the draft for weaving the textile on a loom; None if it cannot be woven."""
         return None
+
+    def around_repeat(self) -> Any:
+        """Return a stage that makes one repeat and its neighbours, for a unit cell.
+
+        Raises
+        ------
+        InputError
+            If the textile does not repeat itself along both axes.
+        """
+        raise InputError(
+            "a unit cell needs a textile that repeats itself along both axes",
+            cure="Choose a weave, or a knit, braid or layers that are flat.",
+        )
 
 
 class Woven(Textile):

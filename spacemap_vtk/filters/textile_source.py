@@ -8,7 +8,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, add_number
-from spacemap_vtk.datasets.cloth_data import set_patches
+from spacemap_vtk.datasets.cloth_data import CORNER, REPEAT, set_patches
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.textile import FabricFigure, StatedYarns, Textile
 from spacemap_vtk.filters.textile_sheet import add_textile
@@ -16,8 +16,11 @@ from spacemap_vtk.filters.textiles import KINDS
 from spacemap_vtk.filters.textiles.kind import TextileKind, combine
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.rods.pieces import repeat_yarns
 from spacemap_vtk.textile.rods.tubes import sweep_yarns
 
+#: Cells along each period that are made for a unit cell, the middle one.
+_AROUND = 5
 #: Bytes for each part of a tube, measured and rounded up.
 _PART_BYTES = 2000
 
@@ -99,9 +102,37 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
         """Figures of the kind, thickness, mass, and the largest overlap."""
         return self._textile.all_figures()
 
+    #: Number of cells along both periods that are made instead of the piece; None: the piece.
+    _cells: tuple[int, int] | None = None
+
+    def around_repeat(self) -> TextileSource:
+        """Return a source of one cell and its neighbours."""
+        if not self._textile.rest(self.report_progress).cell.any(axis=1).all():
+            return super().around_repeat()  # type: ignore[no-any-return]
+        other = TextileSource(**self.settings)
+        other._cells = _AROUND, _AROUND
+        return other
+
+    def _run_cells(self, output: vtkUnstructuredGrid, cells: tuple[int, int]) -> None:
+        """Make a number of cells, with the repeat in their middle."""
+        textile = self._textile
+        rest = textile.rest(self.report_progress)
+        made, which = repeat_yarns(rest.yarns, rest.cell, cells)
+        lines = [line * textile.scale for line in made]
+        diameters = np.array([yarn.diameter for yarn in rest.yarns])[which] * textile.scale
+        tubes = sweep_yarns(lines, diameters, None)
+        set_patches(output, tubes)
+        add_array(output.GetCellData(), "yarn", tubes.line)
+        field, cell = output.GetFieldData(), rest.cell * textile.scale
+        add_array(field, REPEAT, cell.ravel())
+        add_array(field, CORNER, (cells[0] // 2) * cell[0] + (cells[1] // 2) * cell[1])
+
     def run(self, inputs: list[Any], output: vtkUnstructuredGrid, time: float) -> None:
         """Relax a repeat, and sweep the yarns of the piece."""
         textile = self._textile
+        if self._cells is not None:
+            self._run_cells(output, self._cells)
+            return
         require_memory(
             textile.parts * _PART_BYTES,
             f"a textile of {len(textile.line_families)} yarns",

@@ -10,7 +10,7 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, add_number
-from spacemap_vtk.datasets.cloth_data import PLACES, add_cloth, set_patches
+from spacemap_vtk.datasets.cloth_data import CORNER, PLACES, REPEAT, add_cloth, set_patches
 from spacemap_vtk.datasets.extent import store_bounds
 from spacemap_vtk.errors import InfoMessage, InputError
 from spacemap_vtk.filters.base import ProvidedArray, Stage, modification_time
@@ -21,6 +21,7 @@ from spacemap_vtk.io.registry import describe_readers, unreadable_reason
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
+from spacemap_vtk.textile.drafts.drawdown import repeat_size
 from spacemap_vtk.textile.geometry import weave
 from spacemap_vtk.textile.geometry.cloth_axes import ALL_YARNS, YarnSelection
 from spacemap_vtk.textile.geometry.partition import cloth_bounds, crop_cloth, select_piece
@@ -41,6 +42,8 @@ _ALTERNATIVES = (
     ("weft_spacing", "weft_sett"),
     ("warp_crimp_height", "warp_crimp", "weft_crimp"),
 )
+#: Yarns on each side of a repeat that shape it; longer floats are cut.
+_NEIGHBOURS = 4
 #: Bytes per crossing while a drawdown is repeated.
 _CROSSING_BYTES = 4
 
@@ -145,6 +148,32 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         named = self.draft is None and isinstance(self.pattern, str)
         title = self.pattern.capitalize() if named else ""
         return as_draft(self.cloth, self.source, self.request, title)
+
+    def around_repeat(self) -> WeaveSource:
+        """Return a source of one repeat and its neighbours."""
+        ends, picks = (count + 2 * _NEIGHBOURS for count in self._repeat_size)
+        return WeaveSource(**{**self.settings, "ends": ends, "picks": picks})
+
+    @property
+    def _repeat_size(self) -> tuple[int, int]:
+        """Ends and picks after which the crossings repeat themselves."""
+        return repeat_size(self.source.drawdown)
+
+    def _add_repeat(self, output: vtkUnstructuredGrid) -> None:
+        """Add the vectors of the repeat and one corner, if the cloth has a whole one inside."""
+        corner, size = [0.0, 0.0, 0.0], [0.0, 0.0]
+        for axis, (yarns, count) in enumerate(
+            zip(self.cloth.yarns, self._repeat_size, strict=True)
+        ):
+            place, beside = yarns.position, (len(yarns.position) - count) // 2
+            if beside < 1 or beside + count >= len(place):
+                return
+            middles = (place[1:] + place[:-1]) / 2
+            corner[axis] = float(middles[beside - 1])
+            size[axis] = float(middles[beside + count - 1] - middles[beside - 1])
+        repeat = np.array([size[0], 0.0, 0.0, 0.0, size[1], 0.0])
+        add_array(output.GetFieldData(), REPEAT, repeat)
+        add_array(output.GetFieldData(), CORNER, np.array(corner))
 
     @property
     def request(self) -> ClothRequest:
@@ -251,6 +280,8 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         add_array(output.GetCellData(), "family", made.family.astype(np.int32))
         colors = np.concatenate([cloth.warp.colors, cloth.weft.colors])
         add_array(output.GetCellData(), "color", colors[made.yarn])
+        if self._part is None and share == ALL_YARNS:
+            self._add_repeat(output)
         for name, crimp, height in (
             ("warp", made.warp, cloth.height),
             ("weft", made.weft, cloth.diameter_sum - cloth.height),

@@ -1,0 +1,127 @@
+"""The command ``constants``: the elastic constants of a composite with a textile in it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from spacemap_vtk.cli.options import (
+    Json,
+    Quiet,
+    SceneName,
+    Set,
+    number_table,
+    open_scene,
+    print_json,
+    print_plain,
+    print_warnings,
+    progress,
+)
+from spacemap_vtk.filters.unit_cell import UnitCell
+
+if TYPE_CHECKING:
+    from spacemap_vtk.ndarrays import Floats
+    from spacemap_vtk.scenes.composite import Composite
+
+#: Steps of the progress bar.
+_STEPS = 100
+
+
+def _option(name: str) -> Parameter:
+    setting = UnitCell.parameter(name)
+    default = setting.automatic or setting.default_text.strip('"')
+    return Parameter(
+        help=f"{setting.help} {setting.expected[0].upper()}{setting.expected[1:]}. "
+        f"Default: {default}.",
+        show_default=False,
+    )
+
+
+def constants(
+    scene: SceneName,
+    /,
+    *,
+    fibre: Annotated[str | None, _option("fibre")] = None,
+    matrix: Annotated[str | None, _option("matrix")] = None,
+    packing: Annotated[str | None, _option("packing")] = None,
+    voxels: Annotated[str | None, _option("voxels")] = None,
+    plate: Annotated[
+        bool, Parameter(help="Compute A, B and D of the cell as a plate, too.", negative=())
+    ] = False,
+    set_: Set = (),
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the elastic constants of a composite with a textile in it.
+
+    One repeat of the textile in its matrix is cut into voxels and loaded by six strains. Printed
+    are the stiffness (order xx, yy, zz, yz, xz, xy; shear strains are the engineering ones),
+    moduli, Poisson's ratios, thermal expansion and density. Everything is computed again on voxels
+    twice as large; the difference is the error behind ±. x runs along the weft, y along the warp.
+
+    Other constants of fibres and matrix, layers, nesting and the height of the cell are keys of the
+    section [unit_cell]; see `spacemap keys unit_cell`. For example:
+
+        spacemap constants twill_2_2 --fibre carbon_t300 --packing 0.6
+        spacemap constants plain_weave --plate --json
+        spacemap constants draft.wif --set unit_cell.matrix_modulus=3GPa --set unit_cell.layers=2
+    """
+    given = {"fibre": fibre, "matrix": matrix, "packing": packing, "voxels": voxels}
+    own = [f"unit_cell.{name}={value}" for name, value in given.items() if value is not None]
+    chosen = open_scene(scene, (*own, *set_))
+    from spacemap_vtk.scenes.composite import composite_as_json, compute_constants
+
+    with progress(chosen, "Computing", quiet) as report_progress:
+        found = compute_constants(
+            chosen, plate, lambda share: report_progress(round(_STEPS * share), _STEPS)
+        )
+    if json_:
+        print_json({"title": chosen.title, **composite_as_json(found)})
+        return
+    print_plain(chosen.title)
+    _print(found)
+    print_warnings(chosen, quiet)
+
+
+def _print(found: Composite) -> None:
+    """Print the constants as tables."""
+    from spacemap_vtk.scenes.composite import COMPONENTS
+
+    size = " × ".join(f"{1e3 * side:.4g}" for side in found.size)
+    print_plain(
+        f"Cell {size} mm, {' × '.join(map(str, found.voxels))} voxels; yarns "
+        f"{found.yarn_share:.1%}, fibres {found.fibre_share:.1%} of the volume; dry cloth: "
+        f"{1 - found.fibre_share:.1%} pores"
+    )
+    fine, coarse = found.constants, found.coarse
+    _print_matrix("Stiffness in GPa", COMPONENTS, fine.stiffness / 1e9, coarse.stiffness / 1e9)
+    table = number_table(("constant", "value", "±", "unit"), words=1, title="\nConstants")
+    rough = coarse.engineering
+    for name, value in fine.engineering.items():
+        ratio = name.startswith("nu")
+        scale, unit = (1.0, "") if ratio else (1e9, "GPa")
+        error = abs(value - rough[name])
+        table.add_row(name.replace("nu", "ν"), f"{value / scale:.4g}", f"{error / scale:.1g}", unit)
+    for axis, value, other in zip("xyz", fine.expansion[:3], coarse.expansion[:3], strict=True):
+        table.add_row(f"α{axis}", f"{1e6 * value:.4g}", f"{1e6 * abs(value - other):.1g}", "ppm/K")
+    density = abs(fine.density - coarse.density)
+    table.add_row("density", f"{fine.density:.4g}", f"{density:.1g}", "kg/m³")
+    print_plain(table)
+    if found.plate is not None and found.coarse_plate is not None:
+        parts = (("A in kN/m", "membrane", 1e3), ("B in N", "coupling", 1.0))
+        for title, name, scale in (*parts, ("D in N·m", "bending", 1.0)):
+            fine_part, rough_part = (
+                getattr(one, name) / scale for one in (found.plate, found.coarse_plate)
+            )
+            _print_matrix(title, ("xx", "yy", "xy"), fine_part, rough_part)
+
+
+def _print_matrix(title: str, names: Any, fine: Floats, coarse: Floats) -> None:
+    largest = abs(fine).max()
+    error = abs(fine - coarse).max()
+    table = number_table(("", *names), words=1, title=f"\n{title} (± {error:.1g})")
+    for name, row in zip(names, fine, strict=True):
+        shown = [f"{value:.4g}" if abs(value) > 1e-4 * largest else "0" for value in row]
+        table.add_row(name, *shown)
+    print_plain(table)

@@ -1,0 +1,154 @@
+"""Effective constants of the composite that a scene's textile makes, with their errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.textile import Textile
+from spacemap_vtk.filters.unit_cell import UnitCell, make_unit_cell
+from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.unit_cell.cell import (
+    Constants,
+    PlateStiffness,
+    homogenise,
+    homogenise_plate,
+)
+
+#: Names of the components of stress and strain.
+COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
+
+
+@dataclass(frozen=True)
+class Composite:
+    """Constants of a unit cell, and how much they differ from those on voxels twice as large."""
+
+    size: Floats
+    """Size of the cell [m], (3,)."""
+    voxels: tuple[int, int, int]
+    """Voxels along x, y and z."""
+    yarn_share: float
+    """Volume of yarns over that of the cell."""
+    fibre_share: float
+    """Volume of fibres over that of the cell."""
+    overlap: float
+    """Share of the yarns' volume inside other yarns."""
+    constants: Constants
+    coarse: Constants
+    plate: PlateStiffness | None = None
+    coarse_plate: PlateStiffness | None = None
+
+
+def find_unit_cell(scene: Scene) -> tuple[UnitCell, Any]:
+    """Return the parameters of a scene's unit cell, and the patches of its repeat."""
+    source = scene.stage("source")
+    if not isinstance(source, Textile):
+        raise InputError(
+            "a unit cell is made of the yarns of a textile, and this scene has none",
+            cure="Choose a scene with [weave] or [textile].",
+        )
+    stage = scene.parts["unit_cell"]
+    assert isinstance(stage, UnitCell)
+    with scene.add_file_to_errors():
+        return stage, source.around_repeat().update().output
+
+
+def compute_constants(
+    scene: Scene, plate: bool = False, progress: Progress | None = None
+) -> Composite:
+    """Compute the constants of a scene's unit cell, also on voxels twice as large.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a textile; its section [unit_cell] has the materials.
+    plate : bool
+        Whether the stiffness as a plate is computed, too.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Raises
+    ------
+    SpacemapError
+        If the textile has no repeat, or the cell has no stiffness.
+    """
+    stage, patches = find_unit_cell(scene)
+    parts = 4 if plate else 2
+    done = 0
+
+    def report(share: float) -> None:
+        if progress is not None:
+            progress((done + share) / parts)
+
+    made: list[Any] = []
+    with scene.add_file_to_errors():
+        voxels, spacing = make_unit_cell(stage, patches, stage.voxels)
+        fine = voxels
+        longest = max(voxels.fraction.shape[1:])
+        for count in (longest, longest // 2):
+            if count != longest:
+                voxels, spacing = make_unit_cell(stage, patches, count)
+            else:
+                size = spacing * voxels.fraction.shape[::-1]
+            phases = stage.phases(voxels, spacing)
+            made.append(homogenise(phases, spacing, report_progress=report)[0])
+            done += 1
+            if plate:
+                made.append(homogenise_plate(phases, spacing, report_progress=report))
+                done += 1
+    share = float(fine.fraction.mean())
+    packing = np.where(fine.yarn >= 0, stage.packing / fine.area, 0.0)
+    depth, rows, width = fine.fraction.shape
+    return Composite(
+        size,
+        (width, rows, depth),
+        share,
+        float((fine.fraction * packing).mean()),
+        fine.overlap,
+        made[0],
+        made[parts // 2],
+        made[1] if plate else None,
+        made[3] if plate else None,
+    )
+
+
+def composite_as_json(composite: Composite) -> dict[str, Any]:
+    """Return constants and errors for a JSON file."""
+    fine, coarse = composite.constants, composite.coarse
+    rough = coarse.engineering
+    made: dict[str, Any] = {
+        "order": list(COMPONENTS),
+        "cell": composite.size.tolist(),
+        "voxels": list(composite.voxels),
+        "yarn_share": composite.yarn_share,
+        "fibre_share": composite.fibre_share,
+        "overlap": composite.overlap,
+        "stiffness": fine.stiffness.tolist(),
+        "constants": fine.engineering,
+        "expansion": fine.expansion.tolist(),
+        "density": fine.density,
+        "error": {
+            "stiffness": abs(fine.stiffness - coarse.stiffness).tolist(),
+            "constants": {
+                name: abs(value - rough[name]) for name, value in fine.engineering.items()
+            },
+            "expansion": abs(fine.expansion - coarse.expansion).tolist(),
+            "density": abs(fine.density - coarse.density),
+        },
+    }
+    if composite.plate is not None and composite.coarse_plate is not None:
+        names = {"A": "membrane", "B": "coupling", "D": "bending"}
+        made["plate"] = {
+            letter: getattr(composite.plate, name).tolist() for letter, name in names.items()
+        }
+        made["error"]["plate"] = {
+            letter: abs(
+                getattr(composite.plate, name) - getattr(composite.coarse_plate, name)
+            ).tolist()
+            for letter, name in names.items()
+        }
+    return made
