@@ -36,7 +36,7 @@ IGNORED = {
 
 HERE = Path(spacemap_vtk.__file__).parent
 SCRIPTS = Path(__file__).parent.parent / "pipelines"
-SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory", "unit_cell"}
 #: Modules whose public names are all for users or authors of stages.
 USERS = {"accessor", "errors", "parameterised", "parameters", "filters.algorithm"}
 USERS |= {

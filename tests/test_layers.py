@@ -29,13 +29,13 @@ LAYERS = (
     ("filters",),
     ("io",),
     ("datasets",),
-    ("laboratory",),
+    ("laboratory", "unit_cell"),
     ("textile", "cage", "mechanics", "embedding"),
     # All other modules at the top level.
     ("errors",),
 )
 #: What opens no window and reads no file: arrays go in and come out.
-SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory"}
+SCIENCE = {"textile", "cage", "mechanics", "embedding", "laboratory", "unit_cell"}
 #: From one room into another one of its height. The science's rooms may, in no circle.
 BESIDE = {
     "cli.window -> app": "the command that opens the window",

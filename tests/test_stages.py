@@ -369,7 +369,9 @@ def updated() -> dict[str, Stage]:
     read.motion.update(time=0.01)
     knit = Scene({"textile": {"wales": 2, "courses": 2}})
     knit.update()
-    stages = [*swing.stages, stepped.stage("mover"), read.object, read.motion, knit.source]
+    cell = connect(spacemap_vtk.WeaveSource(), spacemap_vtk.UnitCell(voxels=8))
+    cell.update()
+    stages = [*swing.stages, stepped.stage("mover"), read.object, read.motion, knit.source, cell]
     return {type(stage).__name__: stage for stage in stages}
 
 
@@ -400,7 +402,15 @@ def test_every_numeric_array_has_a_colouring() -> None:
     # What is not: colours as they are, what is of single vertices, what BarycentricWarp uses up.
     of_vertices = {"fixed", "fixed_components", "rigid_body", "spring_stiffness", "point_mass"}
     of_vertices |= {"reaction"}
-    others = {"color", "nodal_mass", *of_vertices, crimp_interchange.FOOT, crimp_interchange.OFFSET}
+    of_voxels = {"fraction", "direction", "packing"}
+    others = {
+        *of_voxels,
+        "color",
+        "nodal_mass",
+        *of_vertices,
+        crimp_interchange.FOOT,
+        crimp_interchange.OFFSET,
+    }
     assert arrays - others == {coloring.array for coloring in COLORINGS.values()} - {""}
 
 

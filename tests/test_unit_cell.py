@@ -14,16 +14,18 @@ from spacemap_vtk import UnitCell, WeaveSource, connect
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.unit_cell.cell import assign_materials, homogenise, homogenise_plate
+from spacemap_vtk.unit_cell.homogenise import homogenise, homogenise_plate
 from spacemap_vtk.unit_cell.mixtures import (
+    UPPER,
     Constituent,
     chamis,
     mix_layers,
     mori_tanaka,
     turn_stiffness,
 )
+from spacemap_vtk.unit_cell.phases import assign_materials
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise
-from spacemap_vtk.unit_cell.voxel_elasticity import UPPER, VoxelElasticity, symmetric
+from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity, symmetric
 
 GLASS = Constituent.isotropic(72e9, 0.22, 5e-6, 2540.0)
 EPOXY = Constituent.isotropic(3.5e9, 0.35, 60e-6, 1200.0)

@@ -108,7 +108,7 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
     def around_repeat(self) -> TextileSource:
         """Return a source of one cell and its neighbours."""
         if not self._textile.rest(self.report_progress).cell.any(axis=1).all():
-            return super().around_repeat()  # type: ignore[no-any-return]
+            return super().around_repeat()
         other = TextileSource(**self.settings)
         other._cells = _AROUND, _AROUND
         return other

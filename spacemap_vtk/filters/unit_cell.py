@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.fft
 from vtkmodules.vtkCommonDataModel import (
     VTK_BEZIER_QUADRILATERAL,
     vtkImageData,
@@ -20,9 +19,9 @@ from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
-from spacemap_vtk.unit_cell.cell import Phases, assign_materials
 from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
 from spacemap_vtk.unit_cell.mixtures import YARN_RULES, Constituent
+from spacemap_vtk.unit_cell.phases import Phases, assign_materials
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise, stack
 from spacemap_vtk.unit_cell.surfaces import YarnSurfaces, sample_surfaces
 
@@ -320,9 +319,11 @@ def _choose_count(yarns: int) -> int:
 
 def _shape(size: Floats, count: int) -> Any:
     """Choose the numbers of voxels along x, y and z; all are even."""
+    from scipy.fft import next_fast_len
+
     sides = size[:2] / size[:2].max() * count
     # Cloth is thin: half as many voxels through it as along it, or cubes.
     through = max(size[2] / size[:2].max() * count, count / 2)
     # Halves of these numbers are sizes of fast Fourier transforms.
     halves = [max(_FEWEST, round(side)) // 2 for side in (*sides, through)]
-    return np.array([2 * scipy.fft.next_fast_len(half, real=True) for half in halves])
+    return np.array([2 * next_fast_len(half, real=True) for half in halves])

@@ -12,7 +12,7 @@ from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.unit_cell import UnitCell, make_unit_cell
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.unit_cell.cell import (
+from spacemap_vtk.unit_cell.homogenise import (
     Constants,
     PlateStiffness,
     homogenise,

@@ -4,9 +4,9 @@ The tables were read at
 
 - M: "Properties of Selected Fibres" and "Properties of Selected Matrices", tables of the course
   MY4150 at Michigan Technological University;
-- H: M. W. Hyer, "Stress Analysis of Fiber-Reinforced Composite Materials" (1998), as quoted in
-  "Strengthening Design of Reinforced Concrete with FRP", table 3.2;
-- G: R. F. Gibson, "Principles of Composite Material Mechanics" (1994), as quoted there, table 3.1;
+- H: M. W. Hyer (1998), as quoted in "Strengthening Design of Reinforced Concrete with
+  FRP", table 3.2;
+- G: R. F. Gibson (1994), as quoted there, table 3.1;
 - C: W. D. Callister, "Materials Science and Engineering", 7th edition, appendix B.
 
 None of them gives Poisson's ratio ν23 across a fibre: that of anisotropic fibres is an assumption.

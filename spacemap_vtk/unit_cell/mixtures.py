@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.unit_cell.voxel_elasticity import UPPER
 
+#: Rows and columns of the upper triangle of a symmetric 6 × 6 matrix.
+UPPER = np.triu_indices(6)
 #: Voxels that are mixed at a time.
 _BLOCK = 20_000
 
@@ -87,7 +88,8 @@ class Constituent:
                 f"ν23 {self.transverse_poisson:g}",
                 allowed="ν12² < (E1 / E2) (1 − ν23) / 2, |ν23| < 1",
             )
-        return np.linalg.inv(compliance)
+        stiffness = np.asarray(np.linalg.inv(compliance), np.float64)
+        return stiffness
 
     @property
     def expansion(self) -> Floats:
@@ -235,7 +237,7 @@ def turn_stiffness(material: Constituent, directions: Floats) -> NDArray[Any]:
         (4, 5): yz / 2,
     }
     made = np.empty((21, len(directions)), directions.dtype)
-    for entry, (i, j) in zip(made, zip(*UPPER, strict=True), strict=True):
+    for entry, (i, j) in zip(made, upper_pairs(), strict=True):
         entry[:] = square * p[i] * p[j]
         if i < 3 and j < 3:
             entry += lame
@@ -293,12 +295,17 @@ def mix_layers(
         inverse = _invert(traction)
         weight = share[part] * (1 - share[part])
         right = np.einsum("abn,ibn->ian", inverse, step)
-        for row, (i, j) in enumerate(zip(*UPPER, strict=True)):
+        for row, (i, j) in enumerate(upper_pairs()):
             made[row, part] -= weight * np.einsum("an,an->n", step[i], right[j])
         if len(first) > 21:
             jump = _normal_times_rows(n, difference[21:, None])[:, 0]
             made[21:, part] -= weight * np.einsum("ian,an->in", right, jump)
     return made
+
+
+def upper_pairs() -> list[tuple[int, int]]:
+    """Return rows and columns of the upper triangle of a symmetric 6 × 6 matrix."""
+    return [(i, j) for i in range(6) for j in range(i, 6)]
 
 
 def _full(upper: NDArray[Any]) -> NDArray[Any]:

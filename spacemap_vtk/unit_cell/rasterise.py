@@ -111,7 +111,7 @@ def _cross(
     """Intersect the triangles of all patches with the vertical lines of nx × ny voxels."""
     # Lines stand at whole numbers in these coordinates.
     flat = np.rint((points[..., :2] * lines - 0.5) * _GRID).astype(np.int64)
-    corner = np.arange(flat[..., 0].size).reshape(flat.shape[:-1])
+    corner: Ints = np.arange(flat[..., 0].size).reshape(flat.shape[:-1])
     a, b, c, d = (
         corner[:, i : corner.shape[1] - 1 + i, j : corner.shape[2] - 1 + j].ravel()
         for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))

@@ -47,7 +47,7 @@ def sample_surfaces(
     yarn : ndarray of int, shape (P,)
         Yarn of each patch.
     """
-    net = np.asarray(patches)[:, quadrilateral_order(3, 3)].reshape(-1, 4, 4)
+    net: Ints = np.asarray(patches, np.int64)[:, quadrilateral_order(3, 3)].reshape(-1, 4, 4)
     starts, counts = _find_rings(net)
     tube = np.repeat(starts, counts) + np.concatenate([np.arange(n) for n in counts])
     net, owner = net[tube], np.asarray(yarn, np.int64)[tube]

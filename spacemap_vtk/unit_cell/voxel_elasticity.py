@@ -25,9 +25,8 @@ from spacemap_vtk.cancel import active_token
 from spacemap_vtk.errors import SolverError
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parallel import for_each, load_loops
+from spacemap_vtk.unit_cell.mixtures import UPPER, upper_pairs
 
-#: Rows and columns of the upper triangle of a symmetric 6 × 6 matrix.
-UPPER = np.triu_indices(6)
 #: Component of the strain (6) that each derivative ∂u_i/∂x_j belongs to.
 _COMPONENT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 #: Voxels from which the compiled loops save more than loading the compiler costs.
@@ -296,7 +295,7 @@ class VoxelElasticity:
 
     def _stresses(self, strains: Reals) -> Reals:
         made = np.zeros_like(strains)
-        for k, (i, j) in enumerate(zip(*UPPER, strict=True)):
+        for k, (i, j) in enumerate(upper_pairs()):
             modulus = self.stiffness[:, :, k]
             made[i] += modulus * strains[j]
             if i != j:

@@ -1,4 +1,4 @@
-"""A unit cell: voxels of yarns and matrix, and its effective constants.
+"""Effective constants of a unit cell of yarns and matrix.
 
 Stresses have the order xx, yy, zz, yz, xz, xy; shear strains are the engineering ones.
 """
@@ -14,35 +14,14 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.unit_cell.mixtures import (
-    Constituent,
-    mix_layers,
-    turn_stiffness,
-    turn_stress,
-)
+from spacemap_vtk.unit_cell.phases import PURE, Phases
 from spacemap_vtk.unit_cell.rasterise import Voxels
-from spacemap_vtk.unit_cell.voxel_elasticity import UPPER, Response, VoxelElasticity
+from spacemap_vtk.unit_cell.voxel_elasticity import Response, VoxelElasticity
 
-#: Shares of yarn nearer than this to 0 or 1 count as 0 or 1.
-_PURE = 1e-6
-#: Step in which areas of sections are told apart, as a share of their mean.
-_AREA_STEP = 0.02
 #: Empty layers of voxels above a plate: more change nothing.
 _EMPTY_LAYERS = 2
 #: Components of a strain in the plane.
 _PLANE = (0, 1, 5)
-
-
-@dataclass(frozen=True)
-class Phases:
-    """Material of each voxel."""
-
-    stiffness: NDArray[Any]
-    """(nz, ny, 21, nx) [Pa]."""
-    thermal_stress: NDArray[Any]
-    """Stress that keeps it from expanding by one kelvin, (6, nz, ny, nx) [Pa/K]."""
-    density: float
-    """Mean density [kg/m³]."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +38,8 @@ class Constants:
     @property
     def compliance(self) -> Floats:
         """(6, 6) [1/Pa]."""
-        return np.linalg.inv(self.stiffness)
+        compliance = np.asarray(np.linalg.inv(self.stiffness), np.float64)
+        return compliance
 
     @property
     def engineering(self) -> dict[str, float]:
@@ -89,61 +69,6 @@ class PlateStiffness:
     """B, (3, 3) [N], about the middle plane."""
     bending: Floats
     """D, (3, 3) [N·m]."""
-
-
-def assign_materials(
-    voxels: Voxels,
-    spacing: Floats,
-    yarn: Callable[[int, float], Constituent],
-    matrix: Constituent,
-    dtype: type = np.float32,
-) -> Phases:
-    """Give each voxel its material; voxels that a surface cuts are mixed in layers.
-
-    Parameters
-    ----------
-    voxels : Voxels
-        Share, number and direction of yarns.
-    spacing : ndarray, shape (3,)
-        Size of a voxel [m].
-    yarn : callable
-        Returns the material of a yarn where the area of its section has a share of its mean.
-    matrix : Constituent
-        Material between the yarns.
-    dtype : type
-        Precision.
-    """
-    share = voxels.fraction
-    flat = share.ravel()
-    base = np.concatenate([matrix.stiffness[UPPER], matrix.stiffness @ matrix.expansion])
-    made = np.repeat(base.astype(dtype)[:, None], flat.size, axis=1)
-    density = np.full(flat.shape, float(matrix.density))
-    where = np.flatnonzero((flat > _PURE) & (voxels.yarn.ravel() >= 0))
-    cut = np.flatnonzero(flat[where] < 1 - _PURE)
-    axes = voxels.direction.reshape(-1, 3)[where].astype(dtype)
-    normal = _normals(share, spacing)[where[cut]].astype(dtype)
-    # Voxels of one yarn with areas alike have one material.
-    steps = np.rint(voxels.area.ravel()[where] / _AREA_STEP).astype(np.int64)
-    kinds, kind = np.unique(
-        np.stack([voxels.yarn.ravel()[where], steps]), axis=1, return_inverse=True
-    )
-    made_of = [yarn(int(number), step * _AREA_STEP) for number, step in kinds.T.tolist()]
-    turned = np.empty((27, len(where)), dtype)
-    for material in dict.fromkeys(made_of):
-        own = np.array([one == material for one in made_of])[kind.ravel()]
-        turned[:21, own] = turn_stiffness(material, axes[own])
-        turned[21:, own] = turn_stress(material, axes[own])
-        density[where[own]] += flat[where[own]] * (material.density - matrix.density)
-    mixed = where[cut]
-    turned[:, cut] = mix_layers(turned[:, cut], made[:, mixed], flat[mixed].astype(dtype), normal)
-    made[:, where] = turned
-    depth, rows, width = share.shape
-    stiffness = made[:21].reshape(21, depth, rows, width).transpose(1, 2, 0, 3)
-    return Phases(
-        np.ascontiguousarray(stiffness),
-        made[21:].reshape(6, depth, rows, width),
-        float(density.mean()),
-    )
 
 
 def homogenise(
@@ -183,10 +108,8 @@ def homogenise(
     response = elasticity.solve(loads, tolerance, report_progress)
     stiffness = response.energies
     stress = elasticity.mean_power(response.displacements, loads, phases.thermal_stress)
-    return (
-        Constants(stiffness, np.linalg.solve(stiffness, stress), phases.density),
-        response,
-    )
+    expansion = np.asarray(np.linalg.solve(stiffness, stress), np.float64)
+    return Constants(stiffness, expansion, phases.density), response
 
 
 def homogenise_plate(
@@ -243,8 +166,8 @@ def constituent_stresses(
     size = von_mises(stress)
     made = {}
     for name, inside in (
-        ("yarn", voxels.fraction > 1 - _PURE),
-        ("matrix", voxels.fraction < _PURE),
+        ("yarn", voxels.fraction > 1 - PURE),
+        ("matrix", voxels.fraction < PURE),
     ):
         if inside.any():
             place = np.unravel_index(np.argmax(np.where(inside, size, -1)), size.shape)
@@ -259,23 +182,3 @@ def von_mises(stress: NDArray[Any]) -> NDArray[Any]:
         0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * (yz**2 + xz**2 + xy**2)
     )
     return shear
-
-
-def _normals(share: Floats, spacing: Floats) -> Floats:
-    """Unit gradient of the share of yarn, (voxels, 3); along z where there is none."""
-    padded = np.pad(np.pad(share, ((0, 0), (1, 1), (1, 1)), mode="wrap"), ((1, 1), (0, 0), (0, 0)))
-    slopes = []
-    for axis in (2, 1, 0):
-        # Sobel's operator: differences along one axis, smoothed along the others.
-        field = padded
-        for other in range(3):
-            low, middle, high = (
-                np.take(field, range(k, field.shape[other] - 2 + k), axis=other) for k in range(3)
-            )
-            field = high - low if other == axis else low + 2 * middle + high
-        slopes.append(field.ravel() / spacing[2 - axis])
-    made = np.stack(slopes, axis=1)
-    length = np.linalg.norm(made, axis=1, keepdims=True)
-    made = np.divide(made, length, out=np.zeros_like(made), where=length > 0)
-    made[length[:, 0] == 0, 2] = 1.0
-    return made

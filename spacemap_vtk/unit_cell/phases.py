@@ -1,0 +1,112 @@
+"""Materials of the voxels of a unit cell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.unit_cell.mixtures import (
+    UPPER,
+    Constituent,
+    mix_layers,
+    turn_stiffness,
+    turn_stress,
+)
+from spacemap_vtk.unit_cell.rasterise import Voxels
+
+#: Shares of yarn nearer than this to 0 or 1 count as 0 or 1.
+PURE = 1e-6
+#: Step in which areas of sections are told apart, as a share of their mean.
+_AREA_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Material of each voxel."""
+
+    stiffness: NDArray[Any]
+    """(nz, ny, 21, nx) [Pa]."""
+    thermal_stress: NDArray[Any]
+    """Stress that keeps it from expanding by one kelvin, (6, nz, ny, nx) [Pa/K]."""
+    density: float
+    """Mean density [kg/m³]."""
+
+
+def assign_materials(
+    voxels: Voxels,
+    spacing: Floats,
+    yarn: Callable[[int, float], Constituent],
+    matrix: Constituent,
+    dtype: type = np.float32,
+) -> Phases:
+    """Give each voxel its material; voxels that a surface cuts are mixed in layers.
+
+    Parameters
+    ----------
+    voxels : Voxels
+        Share, number and direction of yarns.
+    spacing : ndarray, shape (3,)
+        Size of a voxel [m].
+    yarn : callable
+        Returns the material of a yarn where the area of its section has a share of its mean.
+    matrix : Constituent
+        Material between the yarns.
+    dtype : type
+        Precision.
+    """
+    share = voxels.fraction
+    flat = share.ravel()
+    base = np.concatenate([matrix.stiffness[UPPER], matrix.stiffness @ matrix.expansion])
+    made: NDArray[Any] = np.repeat(base.astype(dtype)[:, None], flat.size, axis=1)
+    density = np.full(flat.shape, float(matrix.density))
+    where = np.flatnonzero((flat > PURE) & (voxels.yarn.ravel() >= 0))
+    cut = np.flatnonzero(flat[where] < 1 - PURE)
+    axes: NDArray[Any] = voxels.direction.reshape(-1, 3)[where].astype(dtype)
+    normal: NDArray[Any] = _normals(share, spacing)[where[cut]].astype(dtype)
+    # Voxels of one yarn with areas alike have one material.
+    steps = np.rint(voxels.area.ravel()[where] / _AREA_STEP).astype(np.int64)
+    kinds, kind = np.unique(
+        np.stack([voxels.yarn.ravel()[where], steps]), axis=1, return_inverse=True
+    )
+    made_of = [yarn(int(number), step * _AREA_STEP) for number, step in kinds.T.tolist()]
+    turned: NDArray[Any] = np.empty((27, len(where)), dtype)
+    for material in dict.fromkeys(made_of):
+        own = np.array([one == material for one in made_of])[kind.ravel()]
+        turned[:21, own] = turn_stiffness(material, axes[own])
+        turned[21:, own] = turn_stress(material, axes[own])
+        density[where[own]] += flat[where[own]] * (material.density - matrix.density)
+    mixed = where[cut]
+    turned[:, cut] = mix_layers(turned[:, cut], made[:, mixed], flat[mixed].astype(dtype), normal)
+    made[:, where] = turned
+    depth, rows, width = share.shape
+    stiffness = made[:21].reshape(21, depth, rows, width).transpose(1, 2, 0, 3)
+    return Phases(
+        np.ascontiguousarray(stiffness),
+        made[21:].reshape(6, depth, rows, width),
+        float(density.mean()),
+    )
+
+
+def _normals(share: Floats, spacing: Floats) -> Floats:
+    """Unit gradient of the share of yarn, (voxels, 3); along z where there is none."""
+    padded = np.pad(np.pad(share, ((0, 0), (1, 1), (1, 1)), mode="wrap"), ((1, 1), (0, 0), (0, 0)))
+    slopes = []
+    for axis in (2, 1, 0):
+        # Sobel's operator: differences along one axis, smoothed along the others.
+        field = padded
+        for other in range(3):
+            low, middle, high = (
+                np.take(field, range(k, field.shape[other] - 2 + k), axis=other) for k in range(3)
+            )
+            field = high - low if other == axis else low + 2 * middle + high
+        slopes.append(field.ravel() / spacing[2 - axis])
+    made = np.stack(slopes, axis=1)
+    length = np.linalg.norm(made, axis=1, keepdims=True)
+    made = np.divide(made, length, out=np.zeros_like(made), where=length > 0)
+    made[length[:, 0] == 0, 2] = 1.0
+    return made
