@@ -9,7 +9,7 @@ from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.mechanics.boundary.fittings import Fittings
 from spacemap_vtk.mechanics.elements.materials import isotropic
 from spacemap_vtk.mechanics.elements.plates import apply_measurements, homogeneous_plate
-from spacemap_vtk.mechanics.modal.coarsening import coarsen
+from spacemap_vtk.mechanics.modal.coarsening import coarsen, refine
 from spacemap_vtk.mechanics.modal.model import Model
 
 
@@ -39,6 +39,15 @@ def test_a_sheet_in_cells_twice_as_wide_is_the_same_sheet(normal, cells):
     if cells[0] % 2 == 0:  # the very same vertices
         np.testing.assert_allclose(rates, other.modes(5).eigenvalues * other.modulus, rtol=1e-9)
     np.testing.assert_allclose(rates, fine.modes(5).eigenvalues * fine.modulus, rtol=0.35)
+
+
+@pytest.mark.parametrize("cells", [(4, 12), (5, 12), (8, 12)])
+def test_a_parabola_in_wider_cells_is_that_parabola(cells):
+    fine = sheet(2, cells)
+    half = coarsen(fine)
+    assert half is not None
+    bent, expected = (model.points[:, :1] ** 2 * [0.0, 0.0, 1.0] for model in (half, fine))
+    np.testing.assert_allclose(refine(half, fine, bent), expected, atol=1e-12)
 
 
 def test_meshes_without_wider_cells_are_not_coarsened():

@@ -1,4 +1,4 @@
-"""Errors of figures, estimated from a second solution in wider cells, against known errors."""
+"""Errors of figures, estimated from solutions in wider cells, against known errors."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
+from test_grips import SCENE as STRIP_IN_GRIPS
 
 from spacemap_vtk import ModalSolver, TetraCage, connect
 from spacemap_vtk.cli.main import main
@@ -48,15 +49,28 @@ def plate(cells: int, **values: Any) -> ErrorEstimates:
     return estimate_errors(solver)
 
 
-def test_an_error_that_falls_as_the_square_is_bounded_by_the_estimate():
-    for exact, share in ((1.0, 0.01), (7.0, -0.03)):
-        fine, coarse = exact * (1 + share), exact * (1 + 4 * share)
-        error, converged = estimate_error(fine, coarse, 2.0)
-        assert error == pytest.approx(1.25 * abs(fine - exact))
-        assert converged
-    # Where the figure is another one, the difference itself.
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+def test_an_error_that_falls_as_a_power_is_bounded_by_the_estimate(order: float):
+    for exact, share, ratios in ((1.0, 0.01, (2.0, 2.0)), (7.0, -0.02, (1.6, 2.2))):
+        widths = (1.0, ratios[0], ratios[0] * ratios[1])
+        fine, coarse, coarsest = (exact * (1 + share * width**order) for width in widths)
+        found = estimate_error(fine, coarse, ratios[0], coarsest=coarsest, coarsest_ratio=ratios[1])
+        assert found.error == pytest.approx(1.25 * abs(fine - exact))
+        assert found.converged
+        # Two solutions do not show the order.
+        assert estimate_error(fine, coarse, 2.0).error == pytest.approx(abs(coarse - fine))
+
+
+def test_an_estimate_without_an_order_is_larger():
+    # A figure that goes to and fro, and one whose differences grow.
+    assert estimate_error(1.0, 1.01, 2.0, coarsest=0.95).error == pytest.approx(0.03)
+    assert estimate_error(1.0, 1.04, 2.0, coarsest=1.05).error == pytest.approx(0.04)
+    # Where the figure is another one, at least the difference itself.
     assert estimate_error(1.0, 1.2, 2.0, same_state=False) == (pytest.approx(0.2), False)
     assert estimate_error(1.0, 1.001, 2.0, least=0.3) == (0.3, False)
+    # The error of a vector is the size of a vector.
+    found = estimate_error([1.0, 0.0], [1.0, 0.04], 2.0, coarsest=[1.0, 0.2])
+    assert found.error == pytest.approx(1.25 * 0.04 / 3)
 
 
 def test_modes_of_equal_frequency_are_found_however_they_are_mixed():
@@ -123,13 +137,13 @@ def test_block_of_tetrahedra_is_within_the_stated_error():
     assert (stated < 4 * errors + 0.02).all()
 
 
-def twisted_strip(cells: tuple[int, int]) -> ErrorEstimates:
-    """Turn the end of a strip of 200 x 20 mm by 90 degrees, and hold its length."""
+def twisted_strip(cells: tuple[int, int], angle: int = 90) -> ErrorEstimates:
+    """Turn the end of a strip of 200 x 20 mm, and hold its length."""
     solver = ModalSolver(
         elements="sheet",
         modes=1,
         fixed="-x",
-        grips=[{"place": "+x", "center": [0.2, 0.0, 1e-4], "turns": [["90 deg", 0, 0]]}],
+        grips=[{"place": "+x", "center": [0.2, 0.0, 1e-4], "turns": [[f"{angle} deg", 0, 0]]}],
         tensile_rigidity=2e3,
         shear_rigidity=1e3,
         poissons_ratio_in_plane=0.0,
@@ -155,7 +169,7 @@ def test_moment_of_a_helicoid_is_within_the_stated_error(cells):
     forces, moments = zip(
         *(
             (abs(grip.force[0]), abs(grip.moment[0]))
-            for grip in (reactions_of(s.output)[-1] for s in (found.solver, found.coarse_solver))
+            for grip in (reactions_of(s.output)[-1] for s in (found.solver, *found.wider))
         ),
         strict=True,
     )
@@ -164,6 +178,52 @@ def test_moment_of_a_helicoid_is_within_the_stated_error(cells):
     assert found.compare(*forces).converged
     assert not found.compare(*moments).converged
     assert abs(moments[0] - 1.03 * moment) < found.compare(*moments).error
+
+
+@pytest.mark.parametrize("angle", [30, 90, 180])
+@pytest.mark.parametrize(
+    "cells",
+    [(20, 2), *(pytest.param((20 * n, 2 * n), marks=pytest.mark.nightly) for n in (2, 4))],
+    ids=str,
+)
+def test_moment_of_a_helicoid_is_as_stated_from_a_finer_one(
+    cells: tuple[int, int], angle: int
+) -> None:
+    """Whose ends are flat, too: 160 x 16 and 80 x 8 cells, extrapolated by their order of 2."""
+    finest = {30: 2.932e-6, 90: 2.641e-5, 180: 1.702e-4}[angle]
+    found = twisted_strip(cells, angle)
+    moments = [reactions_of(s.output)[-1].moment for s in (found.solver, *found.wider)]
+    error, _ = found.compare(*moments)
+    assert abs(moments[0][0] - finest) < error < 4 * abs(moments[0][0] - finest) + 0.01 * finest
+
+
+def strip_on_a_table(cells: tuple[int, int]) -> tuple[ErrorEstimates, list[float]]:
+    """Let a strip hang over the edge of a table, 40 mm from its end, and return its sag."""
+    solver = ModalSolver(
+        elements="sheet",
+        modes=2,
+        bending_length=0.03,
+        tensile_rigidity=2e3,
+        poissons_ratio_in_plane=0.0,
+        areal_mass=0.2,
+        gravity=[0.0, 0.0, -9.81],
+        fixed="box(0, 40 mm, -1, 1, -1, 1)",
+    )
+    connect(pv.Box((0.0, 0.1, 0.0, 0.025, 0.0, 3e-4)), TetraCage(divisions=(*cells, 1)), solver)
+    found = estimate_errors(solver)
+    solved = (found.modes, *found.wider_modes)
+    return found, [-float(modes.model.displacement[:, 2].min()) for modes in solved]
+
+
+def test_support_that_ends_between_vertices_has_its_error_stated():
+    """With 16 cells of 6.25 mm it holds 37.5 mm, with 20 cells 40 mm."""
+    found, sags = strip_on_a_table((40, 10))
+    finest = sags[0]
+    assert found.compare(*sags).error < 0.01 * finest
+    found, sags = strip_on_a_table((20, 5))
+    assert abs(sags[0] - finest) < found.compare(*sags).error < 0.02 * finest
+    found, sags = strip_on_a_table((16, 4))
+    assert 0.04 * finest < abs(sags[0] - finest) < found.compare(*sags).error
 
 
 @pytest.mark.parametrize("cells", [6, 12])
@@ -181,12 +241,13 @@ def test_cloth_hung_by_two_corners_in_wide_cells_is_not_converged(cells):
 
 
 @pytest.mark.nightly
-def test_drape_coefficient_has_an_error_that_covers_finer_cells():
+@pytest.mark.parametrize("cells", [[10, 12, 1], [28, 36, 1]], ids=str)
+def test_drape_coefficient_has_an_error_that_covers_finer_cells(cells: list[int]):
     scene = Scene.read("drape")
-    scene.set("cage.divisions=[10, 12, 1]")
+    scene.set(f"cage.divisions={cells}")
     scene.set("modal.modes=2")
     hung = report_modes(scene, True)["hung"]
-    assert abs(hung["drape_coefficient"] - 0.103) < hung["drape_coefficient_error"]
+    assert abs(hung["drape_coefficient"] - 0.105) < hung["drape_coefficient_error"]
     assert not hung["converged"]
     assert any("the drape coefficient (± " in text for text in scene.warnings)
 
@@ -222,10 +283,11 @@ def test_commands_print_errors(capsys: pytest.CaptureFixture[str]):
         assert not ended.value.code
         return capsys.readouterr().out
 
-    assert "21.78 ± 0.10" in " ".join(run().split())
+    # With 24 x 24 cells it is 21.68 Hz.
+    assert "21.78 ± 0.40" in " ".join(run().split())
     figures = json.loads(run("--json"))
     assert figures["errors_missing"] is None
-    assert 0.0 < figures["modes"][0]["error"] < 0.01
+    assert 0.0 < figures["modes"][0]["error"] < 0.02
     assert figures["modes"][0]["converged"] is True
     assert "±" not in run("--no-errors")
     figures = json.loads(run("--json", "--no-errors"))
@@ -233,24 +295,26 @@ def test_commands_print_errors(capsys: pytest.CaptureFixture[str]):
     assert figures["errors_missing"]
 
 
-def test_info_prints_the_errors_of_forces_that_modes_prints(capsys: pytest.CaptureFixture[str]):
+def test_info_prints_the_errors_of_forces_that_modes_prints(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    scene = tmp_path / "strip.toml"
+    scene.write_text(STRIP_IN_GRIPS, encoding="utf-8")
+
     def run(command: str, *words: str) -> str:
-        few = ("--set", "cage.divisions=[2, 24, 1]", "--set", "modal.modes=1")
         with pytest.raises(SystemExit) as ended:
-            main([command, "helicoid", *few, *words])
+            main([command, str(scene), "--set", "modal.poissons_ratio_in_plane=0.3", *words])
         assert not ended.value.code
         return " ".join(capsys.readouterr().out.split())
 
     figures, modes = (json.loads(run(command, "--json")) for command in ("info", "modes"))
     for key in ("reactions", "errors_missing"):
         assert figures[key] == modes[key]
-    assert figures["reactions"][0]["moment_error"] > 0.0
-    assert "N.m ±" in run("info")
-    plain = run("info", "--no-errors")
-    assert "N.m ±" not in plain
-    assert "reaction of grip" in plain
+    assert figures["reactions"][0]["force_error"] > 0.0
+    assert "N ±" in run("info")
+    assert "N ±" not in run("info", "--no-errors")
     figures = json.loads(run("info", "--json", "--no-errors"))
-    assert figures["reactions"][0]["moment_error"] is None
+    assert figures["reactions"][0]["force_error"] is None
     assert figures["errors_missing"] == "none were asked for"
 
 

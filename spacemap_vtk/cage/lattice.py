@@ -8,8 +8,8 @@ would cross and the mesh would not conform.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from math import prod
 
 import numpy as np
 
@@ -33,6 +33,10 @@ _FLAT = 1e-12
 #: A box is also flat if its cells are smaller than this many units in the last place: barycentric
 #: coordinates in them would be noise.
 _LEAST_ULPS = 16
+#: How much worse a ratio of cells that is not 2 is than different ones of two axes.
+_FAR = 0.3
+#: Rounding of a number of cells.
+_ROUNDING = 1e-6
 #: Thickness given to the box of a flat object, as a share of its largest side.
 _FLAT_SHARE = 0.05
 
@@ -86,6 +90,64 @@ def build_lattice(bounds: Sequence[float], divisions: Sequence[int]) -> tuple[Fl
     return points.reshape(-1, 3), tetrahedra.reshape(-1, 4)
 
 
+def coarsen_divisions(
+    divisions: Sequence[int], edges: Sequence[Sequence[float]] = ((), (), ())
+) -> tuple[list[int], float]:
+    """Choose about half as many cells along each axis, in about the same proportion.
+
+    Parameters
+    ----------
+    divisions : sequence of 3 ints
+        Number of cells along each axis, not all 1.
+    edges : sequence of 3 sequences of float, optional
+        Edges of what holds vertices, along each axis: shares of the extent on the held side.
+
+    Returns
+    -------
+    fewer : list of 3 ints
+        Numbers of wider cells.
+    ratio : float
+        Mean ratio of their widths.
+
+    Notes
+    -----
+    If cells grow alike along all axes, and edges lie at the same place within a cell, the errors of
+    both solutions have the same causes, and their difference tells more.
+
+    Examples
+    --------
+    >>> coarsen_divisions((52, 64, 1))
+    ([26, 32, 1], 2.0)
+    >>> coarsen_divisions((9, 3, 3))
+    ([6, 2, 2], 1.5)
+    >>> coarsen_divisions((16, 1, 1), edges=([0.4], [], []))  # 6.4 cells are held, and 4.4
+    ([11, 1, 1], 1.4545454545454546)
+    """
+    most = max(divisions)
+    choices = []
+    for count in range(1, most):
+        fewer = [max(round(each * count / most), 1) for each in divisions]
+        pairs = list(zip(divisions, fewer, strict=True))
+        ratios = [math.log(each / new) for each, new in pairs if each > 1]
+        mean = sum(ratios) / len(ratios)
+        unlike = max(ratios) - min(ratios)
+        shifts = [
+            abs(_inside_cell(share * each) - _inside_cell(share * new))
+            for (each, new), shares in zip(pairs, edges, strict=True)
+            for share in shares
+            if each > 1
+        ]
+        score = unlike + _FAR * abs(mean - math.log(2)) + max(shifts, default=0.0)
+        choices.append((score, fewer, math.exp(mean)))
+    _, fewer, ratio = min(choices)
+    return fewer, ratio
+
+
+def _inside_cell(place: float) -> float:
+    """Return where within a cell a place lies, 0 to 1; 0 also for one that rounding moves."""
+    return max(place - math.floor(place + _ROUNDING), 0.0)
+
+
 def estimate_bytes(divisions: Sequence[int]) -> int:
     """Estimate the peak memory of `build_lattice`.
 
@@ -110,8 +172,8 @@ def estimate_bytes(divisions: Sequence[int]) -> int:
     208
     """
     counts = _check_divisions(divisions)
-    cells = prod(counts)
-    vertices = prod(count + 1 for count in counts)
+    cells = math.prod(counts)
+    vertices = math.prod(count + 1 for count in counts)
     # Per vertex 3 float64; per cell 5 x 4 int64, and 3 temporary int64.
     return 8 * (3 * vertices + 4 * TETRAHEDRA_PER_CELL * cells + 3 * cells)
 

@@ -70,9 +70,9 @@ Set = Annotated[
 Errors = Annotated[
     bool | None,
     Parameter(
-        help="Whether to estimate the error of each figure that is due to the cage's cells, by a "
-        "second solution in cells twice as wide. Default: yes, unless that cage takes long to make "
-        "(tetwild).",
+        help="Whether to estimate the error of each figure that is due to the cage's cells, by "
+        "solutions in cells two and four times as wide. Default: yes, unless these cages take long "
+        "to make (tetwild).",
         show_default=False,
     ),
 ]

@@ -1,26 +1,38 @@
-"""Estimate the errors of ModalSolver's figures from a second solution on a coarser cage."""
+"""Estimate the errors of ModalSolver's figures from solutions on coarser cages."""
 
 from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from spacemap_vtk.cancel import Cancelled
+from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, sheet_of
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError, SolverError, SpacemapError, SpacemapWarning
 from spacemap_vtk.filters.base import Stage, connect
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.tetra_cage import TetraCage
+from spacemap_vtk.mechanics.boundary.places import (
+    Place,
+    ends_between_vertices,
+    find_edges,
+    parse_places,
+)
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.convergence import (
+    EDGE_ORDER,
     SAME_SHAPE,
     SAME_STATE,
     SHEET_ORDER,
     SOLID_ORDER,
+    TOLERANCE,
     Estimate,
     estimate_error,
     match_modes,
@@ -28,24 +40,29 @@ from spacemap_vtk.mechanics.modal.convergence import (
 )
 from spacemap_vtk.mechanics.modal.resolution import fold_error, mode_errors
 from spacemap_vtk.mechanics.response.oscillator import LOST
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.units import GRAVITY
 
 #: The coarser cage also needs modes that are above the highest of the finer one.
 _MORE_MODES = 1.25
+#: Number of coarser cages.
+_WIDER = 2
 #: Factor of the estimate of `mode_errors`, which may be half as large as the error.
 _SAFETY = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimates:
-    """Solutions of one scene in cells of two widths, and what their difference says."""
+    """Solutions of one scene in cells of two or three widths, and what their differences say."""
 
-    #: The stage whose figures are estimated, and a copy of it on the coarser cage.
+    #: The stage whose figures are estimated.
     solver: ModalSolver
-    coarse_solver: ModalSolver
-    #: Width of the coarser cage's cells over that of the others.
-    ratio: float
+    #: One or two copies of it, on a coarser cage and on a still coarser one.
+    wider: tuple[ModalSolver, ...]
+    #: Width of the cells of each over that of the next finer ones.
+    ratios: tuple[float, ...]
+    #: Power of the width with which errors fall.
+    order: float
 
     @cached_property
     def modes(self) -> CageModes:
@@ -53,20 +70,16 @@ class ErrorEstimates:
         return ModesReader().read(self.solver.output)
 
     @cached_property
-    def coarse_modes(self) -> CageModes:
-        """The modes of the coarser cage."""
-        return ModesReader().read(self.coarse_solver.output)
+    def wider_modes(self) -> tuple[CageModes, ...]:
+        """The modes of the coarser cages."""
+        return tuple(ModesReader().read(each.output) for each in self.wider)
 
     @cached_property
     def frequencies(self) -> list[Estimate | None]:
         """Relative error of each mode's frequency; None for rigid motions and lost frequencies."""
-        own, other = self.modes, self.coarse_modes
-        shapes, wider = (each.shapes.reshape(len(each.shapes), -1, 3) for each in (own, other))
-        at_coarse = self._at_coarse_vertices(np.moveaxis(shapes, 1, 0))
-        shares, eigenvalues = match_modes(
-            np.moveaxis(at_coarse, 0, 1), wider, np.abs(other.nodal_mass), other.eigenvalues
-        )
+        own = self.modes
         waves = mode_errors(own.model, own.eigenvalues, own.shapes)
+        matches = [self._match(other) for other in self.wider_modes]
         found: list[Estimate | None] = []
         for number, (eigenvalue, wave) in enumerate(
             zip(own.eigenvalues.tolist(), waves, strict=True)
@@ -74,25 +87,45 @@ class ErrorEstimates:
             if eigenvalue <= 0.0 or own.eigenvalue_rounding[number] > LOST:
                 found.append(None)
                 continue
-            same = bool(shares[number] >= SAME_SHAPE)
-            if not same:  # compare with the mode of the same number
+            same = [bool(shares[number] >= SAME_SHAPE) for shares, _ in matches]
+            values = [1.0]
+            for (_, eigenvalues), other, is_same in zip(
+                matches, self.wider_modes, same, strict=True
+            ):
+                if len(values) > 1 and not is_same:
+                    break  # the widest cells do not show this mode
                 last = min(number, len(other.eigenvalues) - 1)
-                eigenvalues[number] = other.eigenvalues[last]
-            frequency = math.sqrt(max(eigenvalues[number], 0.0) / eigenvalue)
-            estimate = self._estimate(1.0, frequency, same and self.same_state)
-            if not estimate.converged and same and self.modes.model.displacement is None:
+                # Where no mode has this shape, compare with that of the same number.
+                counterpart = eigenvalues[number] if is_same else other.eigenvalues[last]
+                values.append(math.sqrt(max(counterpart, 0.0) / eigenvalue))
+            estimate = self._estimate(values, same[0] and self.same_state)
+            if not estimate.converged and same[0] and self.modes.model.displacement is None:
                 # Waves of few cells: their dispersion is known better than the difference tells.
-                estimate = estimate._replace(error=min(estimate.error, _SAFETY * wave or math.inf))
+                error = min(estimate.error, _SAFETY * float(wave) or math.inf)
+                estimate = Estimate(error, error <= TOLERANCE)
             found.append(estimate)
         return found
 
+    def _match(self, other: CageModes) -> tuple[Floats, Floats]:
+        """Find the modes on a coarser cage, as `match_modes` does."""
+        own = self.modes
+        shapes, wider = (each.shapes.reshape(len(each.shapes), -1, 3) for each in (own, other))
+        at_coarse = self._at_vertices_of(other, np.moveaxis(shapes, 1, 0))
+        masses = np.abs(other.nodal_mass)
+        return match_modes(np.moveaxis(at_coarse, 0, 1), wider, masses, other.eigenvalues)
+
     @cached_property
-    def same_state(self) -> bool:
-        """Whether both cages hang in the same state of equilibrium."""
-        own, other = self.modes.model.displacement, self.coarse_modes.model.displacement
+    def state_difference(self) -> float:
+        """Relative difference of the first two states of equilibrium; 0 for cages at rest."""
+        own, other = self.modes.model.displacement, self.wider_modes[0].model.displacement
         if own is None or other is None:
-            return own is other
-        return relative_difference(self._at_coarse_vertices(own), other) <= SAME_STATE
+            return 0.0
+        return relative_difference(self._at_vertices_of(self.wider_modes[0], own), other)
+
+    @property
+    def same_state(self) -> bool:
+        """Whether the first two cages hang in the same state of equilibrium."""
+        return self.state_difference <= SAME_STATE
 
     @cached_property
     def folds(self) -> float:
@@ -103,44 +136,48 @@ class ErrorEstimates:
         length = min(sheet.bending_length) * (GRAVITY / gravity) ** (1 / 3)
         return fold_error(self.modes.model, length)
 
-    def compare(self, fine: float, coarse: float) -> Estimate:
+    def compare(self, *values: ArrayLike) -> Estimate:
         """Estimate the error of a figure of the equilibrium.
 
         Parameters
         ----------
-        fine, coarse : float
-            The figure of `solver` and that of `coarse_solver`.
+        *values : float or array_like, shape (n,)
+            The figure of `solver`, and those of `wider`.
 
         Returns
         -------
         Estimate
             Its error, in the unit of the figure.
         """
-        return self._estimate(fine, coarse, self.same_state)
+        return self._estimate(values, self.same_state)
 
-    def _estimate(self, fine: float, coarse: float, same_state: bool) -> Estimate:
-        order = SOLID_ORDER if self.modes.model.plate is None else SHEET_ORDER
+    def _estimate(self, values: Sequence[ArrayLike], same_state: bool) -> Estimate:
+        fine, coarse, *coarsest = values
+        # Of two states, figures may by chance be alike.
+        chance = 0.0 if self.same_state else min(self.state_difference, 1.0)
         return estimate_error(
-            fine, coarse, self.ratio, order=order, same_state=same_state, least=self.folds
+            fine,
+            coarse,
+            self.ratios[0],
+            coarsest=coarsest[0] if coarsest else None,
+            coarsest_ratio=self.ratios[-1],
+            order=self.order,
+            same_state=same_state,
+            least=max(self.folds, chance),
         )
 
-    @cached_property
-    def _places(self) -> tuple[Floats, Ints]:
-        """Weights and vertices that interpolate at the vertices of the coarser cage."""
+    def _at_vertices_of(self, other: CageModes, values: Floats) -> Floats:
+        """Interpolate values of the vertices, (V, …), at those of a coarser cage."""
         model = self.modes.model
         corners = model.cells[:, :4]
-        found = locate(self.coarse_modes.model.points, model.points, corners)
-        return found.weights, corners[found.tetrahedron]
-
-    def _at_coarse_vertices(self, values: Floats) -> Floats:
-        """Interpolate values of the vertices, (V, …), at those of the coarser cage."""
-        weights, vertices = self._places
-        result: Floats = np.einsum("vk,vk...->v...", weights, values[vertices])
+        found = locate(other.model.points, model.points, corners)
+        vertices = corners[found.tetrahedron]
+        result: Floats = np.einsum("vk,vk...->v...", found.weights, values[vertices])
         return result
 
 
 def estimate_errors(solver: ModalSolver) -> ErrorEstimates:
-    """Solve a cage again in cells about twice as wide, to estimate the errors of its figures.
+    """Solve a cage again in cells about two and four times as wide, to estimate its errors.
 
     Parameters
     ----------
@@ -163,8 +200,9 @@ def estimate_errors(solver: ModalSolver) -> ErrorEstimates:
 
     Notes
     -----
-    The second solution takes a quarter of the time or less, and is kept in the cache like any
-    other. `spacemap_vtk.mechanics.modal.convergence` has the rule for the error.
+    The second solution takes a quarter of the time or less, the third one a sixteenth. They are
+    kept in the cache like any other. There is no third one if its cells would be too few.
+    `spacemap_vtk.mechanics.modal.convergence` has the rule for the error.
 
     Examples
     --------
@@ -181,7 +219,34 @@ def estimate_errors(solver: ModalSolver) -> ErrorEstimates:
     chain: list[Stage] = [solver]
     while not isinstance(chain[-1], TetraCage):
         chain.append(_stage_above(chain[-1]))
-    cage, ratio = chain[-1].make_coarser()
+    cage, wider, ratios = chain[-1], list[ModalSolver](), list[float]()
+    points, places = points_of(solver.output).astype(np.float64), _places_of(solver)
+    edges = find_edges(points, places)
+    while len(wider) < _WIDER:
+        try:
+            cage, ratio = cage.make_coarser(edges)
+            wider.append(_solve_again(chain, cage))
+        except (InputError, SolverError):
+            if not wider:
+                raise
+            break  # two widths have to do
+        ratios.append(ratio)
+    order = SOLID_ORDER if sheet_of(solver.output) is None else SHEET_ORDER
+    if any(ends_between_vertices(points, place) for place in places):
+        order = EDGE_ORDER
+    return ErrorEstimates(solver, tuple(wider), tuple(ratios), order)
+
+
+def _places_of(solver: ModalSolver) -> list[Place]:
+    """Return the places of all supports and grips."""
+    texts = (*(solver.fixed or ()), *(place for grip in solver.grips for place in grip.place))
+    return parse_places(" ".join(map(str, texts)))
+
+
+def _solve_again(chain: Sequence[Stage], cage: TetraCage) -> ModalSolver:
+    """Solve a copy of a chain of stages, from a ModalSolver up to a cage, with another cage."""
+    solver = chain[0]
+    assert isinstance(solver, ModalSolver)
     between = [type(stage)(**stage.settings) for stage in reversed(chain[1:-1])]
     modes = math.ceil(_MORE_MODES * len(ModesReader().read(solver.output).eigenvalues))
     given = {**solver.settings, **solver.values_in_use, "modes": modes}
@@ -198,11 +263,13 @@ def estimate_errors(solver: ModalSolver) -> ErrorEstimates:
         warnings.simplefilter("ignore", SpacemapWarning)  # those of the finer cage are enough
         try:
             connect(chain[-1].GetInputDataObject(0, 0), cage, *between, coarse).update()
+        except Cancelled:
+            raise
         except SpacemapError as error:
             raise SolverError(f"cells twice as wide have no solution: {error.message}") from error
         finally:
             coarse.RemoveObserver(observer)
-    return ErrorEstimates(solver, coarse, ratio)
+    return coarse
 
 
 def _stage_above(stage: Stage) -> Stage:

@@ -18,7 +18,13 @@ from vtkmodules.vtkCommonDataModel import (
 
 from spacemap_vtk import cancel
 from spacemap_vtk.cage.carve import count_pieces, find_touched_cells, grow_cells
-from spacemap_vtk.cage.lattice import TETRAHEDRA_PER_CELL, build_lattice, estimate_bytes, pad_bounds
+from spacemap_vtk.cage.lattice import (
+    TETRAHEDRA_PER_CELL,
+    build_lattice,
+    coarsen_divisions,
+    estimate_bytes,
+    pad_bounds,
+)
 from spacemap_vtk.cage.split import (
     count_bodies,
     count_parts,
@@ -211,8 +217,15 @@ class TetraCage(Stage):
         if self._filled_share != 1.0:
             add_array(output.GetFieldData(), FILLED, np.array([self._filled_share]))
 
-    def make_coarser(self) -> tuple[TetraCage, float]:
+    def make_coarser(
+        self, edges: Sequence[Sequence[float]] = ((), (), ())
+    ) -> tuple[TetraCage, float]:
         """Make a stage for a cage of about half as many cells along each axis.
+
+        Parameters
+        ----------
+        edges : sequence of 3 sequences of float, optional
+            Edges of what holds vertices, as for `spacemap_vtk.cage.lattice.coarsen_divisions`.
 
         Returns
         -------
@@ -231,13 +244,12 @@ class TetraCage(Stage):
         if self.method == "tetwild":
             length = self.edge_length or self.GetInputDataObject(0, 0).GetLength() / 10
             return TetraCage(**{**self.settings, "edge_length": 2 * length}), 2.0
-        divisions = np.array(self.divisions or self.values_in_use["divisions"])
-        half = (divisions + 1) // 2
-        ratios = (divisions / half)[divisions > 1]
-        if not len(ratios):
+        divisions = self.divisions or self.values_in_use["divisions"]
+        if max(divisions) == 1:
             raise InputError("the cage has only one cell, and no coarser one")
-        changes = {"divisions": half.tolist(), "margin": (self.margin + 1) // 2}
-        return TetraCage(**{**self.settings, **changes}), float(np.exp(np.log(ratios).mean()))
+        fewer, ratio = coarsen_divisions(divisions, edges)
+        changes = {"divisions": fewer, "margin": (self.margin + 1) // 2}
+        return TetraCage(**{**self.settings, **changes}), ratio
 
     def _make_around(self, data: vtkDataSet, output: vtkUnstructuredGrid) -> None:
         if data.GetNumberOfPoints() == 0 and self.piece.total == 1:

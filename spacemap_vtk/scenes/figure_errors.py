@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -32,23 +34,27 @@ _FINER = 4.0
 
 def add_errors(
     figures: dict[str, Any],
-    coarse: dict[str, Any] | None = None,
+    wider: Sequence[dict[str, Any]] = (),
     estimates: ErrorEstimates | None = None,
 ) -> None:
     """Add an error to each figure of `scenes.report` that depends on a cage's cells."""
     # Each mode gets ``error``, relative, and each other figure ``…_error`` in its unit; and each
-    # table ``converged``. The error of a force or moment is the size of a vector. `coarse` are the
-    # figures of the coarser cage; without `estimates` all errors are None.
+    # table ``converged``. The error of a force or moment is the size of a vector. `wider` are the
+    # figures of the coarser cages; without `estimates` all errors are None.
     for number, mode in enumerate(figures.get("modes", ())):
         estimate = None if estimates is None else estimates.frequencies[number]
         mode["error"] = None if estimate is None else estimate.error
         mode["converged"] = None if estimate is None else estimate.converged
-    for table, other, keys in _pairs(figures, coarse):
+    states = [figures, *({key: each.get(key) for key in figures} for each in wider)]
+    columns = zip(*map(_tables, states), strict=True)
+    for (table, keys), *others in columns:
         converged = []
         for key in [key for key in keys if key in table]:
+            values = [_value(each, key, table) for each in (table, *(other for other, _ in others))]
+            known = list(takewhile(lambda value: value is not None, values))
             found: Estimate | None = None
-            if estimates is not None and None not in (table[key], other.get(key)):
-                found = estimates.compare(*_sizes(table[key], other[key]))
+            if estimates is not None and len(known) > 1:
+                found = estimates.compare(*known)
                 converged.append(found.converged)
             table[f"{key}_error"] = None if found is None else found.error
         table["converged"] = all(converged) if converged else None
@@ -68,12 +74,12 @@ def describe_unconverged(figures: dict[str, Any], cage: TetraCage) -> str:
             which = f"the frequencies of {len(numbers)} of the modes {numbers[0]} to {numbers[-1]}"
         parts.append(f"{which} (± {_format_range(worst)})")
         errors += worst
-    for table, _, keys in _pairs(figures, None):
+    for table, keys in _tables(figures):
         for key, name in keys.items():
             error, value = table.get(f"{key}_error"), table.get(key)
             if error is None or value is None:
                 continue
-            size, _ = _sizes(value, value)
+            size = float(np.linalg.norm(value))
             if error <= TOLERANCE * size or size <= _least(table, key):
                 continue
             share = error / size
@@ -84,25 +90,22 @@ def describe_unconverged(figures: dict[str, Any], cage: TetraCage) -> str:
     return f"the cage's cells are too wide for {', '.join(parts)}; {_suggest(cage, max(errors))}"
 
 
-def _pairs(
-    figures: dict[str, Any], coarse: dict[str, Any] | None
-) -> list[tuple[dict[str, Any], dict[str, Any], dict[str, str]]]:
-    """Return each table of figures with that of the coarser cage and the names of its figures."""
-    other = coarse or {}
-    pairs = []
+def _tables(figures: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, str]]]:
+    """Return each table of figures that have errors, with the names of its figures."""
+    found = []
     if figures.get("hung") is not None:
-        pairs.append((figures["hung"], other.get("hung") or {}, _OF_EQUILIBRIUM))
-    for table, names in (("contact", _OF_CONTACT), ("reactions", _OF_REACTION)):
-        fine = figures.get(table, [])
-        wider = other.get(table) or [{}] * len(fine)
-        pairs += [(own, each, names) for own, each in zip(fine, wider, strict=True)]
-    return pairs
+        found.append((figures["hung"], _OF_EQUILIBRIUM))
+    for key, names in (("contact", _OF_CONTACT), ("reactions", _OF_REACTION)):
+        found += [(table, names) for table in figures.get(key) or ()]
+    return found
 
 
-def _sizes(fine: Any, coarse: Any) -> tuple[float, float]:
-    """Return two sizes that differ as much as two numbers, or two vectors, do."""
-    size = float(np.linalg.norm(fine))
-    return size, size + float(np.linalg.norm(np.subtract(coarse, fine)))
+def _value(table: dict[str, Any], key: str, finest: dict[str, Any]) -> Any:
+    """Return a figure; a moment about the same point as in the finest cage."""
+    if key != "moment":
+        return table[key]
+    arm = np.subtract(table["point"], finest["point"])
+    return np.add(table[key], np.cross(arm, table["force"]))
 
 
 def _least(table: dict[str, Any], key: str) -> float:

@@ -90,9 +90,9 @@ _NO_YARN_FIGURES = dict.fromkeys(
 
 def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
     """Return the modes of a scene's cage, and other figures of its state at rest, by name."""
-    # `errors` asks for the error of each figure by a second solution on a coarser cage; None:
-    # unless it takes long to make that cage. ``error`` of a mode is relative; other errors have the
-    # unit of their figure. One that is not estimated is None, and ``errors_missing`` says why.
+    # `errors` asks for the error of each figure by solutions on coarser cages; None: unless these
+    # take long to make. ``error`` of a mode is relative; other errors have the unit of their
+    # figure. One that is not estimated is None, and ``errors_missing`` says why.
     solver, mover = scene.stage("solver"), scene.stage("mover")
     if solver is None:
         missing, cure = "a motion from a file", "Replace [motion] by [modal]."
@@ -149,17 +149,18 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
 
 def _add_errors(scene: Scene, figures: dict[str, Any], errors: bool | None) -> dict[str, Any]:
     """Add the errors of a cage's figures to them, and return what is missing or not converged."""
-    missing = "a second solution would take long" if errors is None else "none were asked for"
-    estimates = coarse = None
+    missing = "further cages would take long to make" if errors is None else "none were asked for"
+    estimates, wider = None, []
     if errors or (errors is None and scene.cage.method != "tetwild"):
         try:
             estimates, missing = estimate_errors(scene.modal), ""
-            coarse = _report_state(estimates.coarse_solver, estimates.coarse_modes.model)
+            solved = zip(estimates.wider, estimates.wider_modes, strict=True)
+            wider = [_report_state(solver, modes.model) for solver, modes in solved]
         except (InputError, SolverError) as error:
             missing = error.message
             if isinstance(error, SolverError):
                 scene.warn(f"how far the figures depend on the cage's cells is unknown: {missing}")
-    add_errors(figures, coarse, estimates)
+    add_errors(figures, wider, estimates)
     doubts = "" if estimates is None else describe_unconverged(figures, scene.cage)
     if doubts:
         scene.warn(doubts)

@@ -183,6 +183,65 @@ def directions(
     return np.einsum("vi,ij->vij", (found.reshape(len(found), -1) & axes) * 1.0, np.eye(3))
 
 
+def find_edges(vertices: Floats, places: Sequence[Place]) -> list[list[float]]:
+    """Find the edges of boxes and spheres along each axis of a mesh.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Vertices of the mesh [m].
+    places : sequence of Place
+        Places; only boxes and spheres have edges.
+
+    Returns
+    -------
+    list of 3 lists of float
+        Share of the mesh's extent on the side of each edge that is in the place, for each axis.
+    """
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    found: list[list[float]] = [[], [], []]
+    for place in places:
+        if place.shape == "box":
+            edges = np.reshape(place.numbers, (3, 2))
+        elif place.shape == "sphere":
+            center, radius = np.array(place.numbers[:3]), place.numbers[3]
+            edges = np.stack([center - radius, center + radius], axis=1)
+        else:
+            continue
+        for axis in np.flatnonzero(high > low):
+            first, last = (edges[axis] - low[axis]) / (high[axis] - low[axis])
+            found[axis] += [share for share in (1.0 - first, last) if 0.0 < share < 1.0]
+    return found
+
+
+def ends_between_vertices(vertices: Floats, place: Place) -> bool:
+    """Tell whether a box ends between vertices, so that it holds less than it contains.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Vertices of the mesh [m].
+    place : Place
+        The place.
+
+    Returns
+    -------
+    bool
+        False for places that are no boxes.
+    """
+    if place.shape != "box":
+        return False
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    tolerance = _TOLERANCE * float(np.linalg.norm(high - low))
+    for axis, edges in enumerate(np.reshape(place.numbers, (3, 2))):
+        lines = np.unique(vertices[:, axis])
+        inner = edges[(edges > low[axis]) & (edges < high[axis])]
+        # A sheet has no vertices between its faces.
+        if len(lines) > 2 and (np.abs(lines - inner[:, None]).min(axis=1) > tolerance).any():
+            return True
+    return False
+
+
 def _is_inside(vertices: Floats, place: Place, masks: Masks | None) -> Bools:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     # Relative to the mesh, so that the unit of length does not matter.

@@ -71,7 +71,8 @@ def refine(coarse: Model, fine: Model, moved: Floats) -> Floats:
         values = moved[old]
         for axis, count in enumerate(new.shape):
             lines = _kept_lines(count)
-            values = make_interp_spline(lines, values, k=3, axis=axis)(np.arange(count))
+            degree = min(3, len(lines) - 1)
+            values = make_interp_spline(lines, values, k=degree, axis=axis)(np.arange(count))
         result[new] = values
     # What is held stays, also between the vertices that are held in both.
     return np.where(fine.free.reshape(-1, 3), result, 0.0)

@@ -1,8 +1,9 @@
-"""How far figures depend on the cells: estimates from a second solution in wider cells.
+"""How far figures depend on the cells: estimates from solutions in wider cells.
 
 P. J. Roache, "Perspective: A Method for Uniform Reporting of Grid Refinement Studies", J. Fluids
 Eng. 116 (1994) 405: if a figure's error falls as h^p, its difference between cells of width h and
 r h, over r^p - 1, is the error in the finer cells. A safety factor makes a bound of this estimate.
+A third solution shows p; where it shows none, the factor is larger.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from spacemap_vtk.ndarrays import Floats
 
@@ -17,8 +19,16 @@ from spacemap_vtk.ndarrays import Floats
 #: with clamped plates and blocks: sheets 2.0, linear tetrahedra 1.5 to 1.7, quadratic ones 1.5 to
 #: 2.6, since the stress at a clamped edge is singular.
 SHEET_ORDER, SOLID_ORDER = 2.0, 1.5
-#: Safety factor of the estimate; Roache's value for an order that is known.
-SAFETY = 1.25
+#: The order if a support ends between vertices: what it holds is wrong by a share of a cell.
+EDGE_ORDER = 1.0
+#: Safety factors of the estimate, Roache's values: for an order that three solutions show, and for
+#: one that is assumed.
+SAFETY, UNKNOWN_SAFETY = 1.25, 3.0
+#: Least order that three solutions can show; a figure that differs nearly as much between narrow
+#: cells as between wide ones does not converge yet.
+LEAST_ORDER = 0.5
+#: Where three solutions show no order, least share of the difference of the wider two in the error.
+SWING = 0.5
 #: Largest relative difference between both solutions that is still taken to fall as h^p. For
 #: plates of 5 to 20 cells the estimate is then a bound, and it is one up to twice this difference.
 ASYMPTOTIC = 0.3
@@ -42,49 +52,93 @@ class Estimate(NamedTuple):
 
 
 def estimate_error(
-    fine: float,
-    coarse: float,
+    fine: ArrayLike,
+    coarse: ArrayLike,
     ratio: float,
     *,
+    coarsest: ArrayLike | None = None,
+    coarsest_ratio: float | None = None,
     order: float = SHEET_ORDER,
     same_state: bool = True,
     least: float = 0.0,
 ) -> Estimate:
-    """Estimate the error of a figure from its values in cells of two widths.
+    """Estimate the error of a figure from its values in cells of two or three widths.
 
     Parameters
     ----------
-    fine, coarse : float
-        The figure in the cells of interest, and in wider ones.
+    fine, coarse : float or array_like, shape (n,)
+        The figure, a number or a vector, in the cells of interest, and in wider ones.
     ratio : float
         Width of the wider cells over that of the others, above 1.
+    coarsest : float or array_like, shape (n,), optional
+        The figure in still wider cells.
+    coarsest_ratio : float, optional
+        Their width over that of `coarse`; by default `ratio`.
     order : float, optional
-        Power of the width with which the error falls.
+        Power of the width with which the error falls where cells are narrow enough.
     same_state : bool, optional
-        Whether both solutions show the same mode or state of equilibrium.
+        Whether the first two solutions show the same mode or state of equilibrium.
     least : float, optional
         Relative error that is known from elsewhere; the result is no smaller.
 
     Returns
     -------
     Estimate
-        ``SAFETY |coarse - fine| / (ratio^order - 1)`` if both solutions are alike; otherwise the
-        difference itself, which is not converged.
+        ``SAFETY |coarse - fine| / (ratio^p - 1)``, where p is the order that three solutions show,
+        but at most `order`. If they show none (there are two only, or the differences have opposite
+        directions or grow), ``UNKNOWN_SAFETY |coarse - fine| / (ratio^order - 1)``, and no less
+        than `SWING` of the difference of the wider two. If the first two solutions are not alike,
+        no less than their difference, and not converged.
 
     Examples
     --------
-    >>> error, converged = estimate_error(fine=10.1, coarse=10.4, ratio=2.0)
+    >>> error, converged = estimate_error(10.1, 10.4, 2.0, coarsest=11.6)
     >>> round(error, 9), converged
     (0.125, True)
-    >>> estimate_error(fine=0.6, coarse=1.0, ratio=2.0)
+    >>> error, converged = estimate_error(10.1, 10.4, 2.0)
+    >>> round(error, 9), converged
+    (0.3, True)
+    >>> estimate_error(0.6, 1.0, 2.0)
     Estimate(error=0.4, converged=False)
     """
-    error, size = abs(coarse - fine), abs(fine)
-    alike = same_state and error <= ASYMPTOTIC * size
-    if alike:
-        error *= SAFETY / (ratio**order - 1)
+    size = float(np.linalg.norm(fine))
+    step = np.subtract(coarse, fine)
+    difference = float(np.linalg.norm(step))
+    error = UNKNOWN_SAFETY * difference / (ratio**order - 1)
+    if coarsest is not None:
+        next_step = np.subtract(coarsest, coarse)
+        next_difference, seen = float(np.linalg.norm(next_step)), 0.0
+        if np.vdot(step, next_step) > 0.0:
+            ratios = ratio, coarsest_ratio or ratio
+            seen = _observe_order(next_difference / difference, ratios, order)
+        if seen > 0.0:
+            # An order that is larger than the known one may be chance.
+            expected = next_difference / _growth(ratios, order)
+            error = SAFETY * max(difference, expected) / (ratio**seen - 1)
+        else:
+            error = max(error, SWING * next_difference)
+    alike = same_state and difference <= ASYMPTOTIC * size
+    if not alike:
+        error = max(error, difference)
     error = max(error, least * size)
     return Estimate(error, alike and error <= TOLERANCE * size)
+
+
+def _growth(ratios: tuple[float, float], order: float) -> float:
+    """Compute how much larger the difference of the wider two of three solutions is."""
+    finer, wider = (ratio**order - 1 for ratio in ratios)
+    return ratios[0] ** order * wider / finer
+
+
+def _observe_order(growth: float, ratios: tuple[float, float], most: float) -> float:
+    """Find the order at which differences of solutions grow; 0 if it is below `LEAST_ORDER`."""
+    if growth >= _growth(ratios, most):
+        return most
+    if growth <= _growth(ratios, LEAST_ORDER):
+        return 0.0
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda p: _growth(ratios, p) - growth, LEAST_ORDER, most))
 
 
 def match_modes(
