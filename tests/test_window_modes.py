@@ -253,10 +253,36 @@ def test_errors_are_estimated_on_demand(open_scene: Any) -> None:
     wait_until(lambda: modes.table.item(0, 3) is not None and modes.table.item(0, 3).text())
     assert "±" not in modes.table.item(0, 1).text()
     modes.errors_button.click()
-    assert not modes.errors_button.isEnabled()
+    assert modes.errors_button.text() == "Cancel the estimate"
     wait_until(lambda: "±" in modes.table.item(0, 1).text())
-    assert modes.table.item(0, 1).text().split() == ["21.78", "±", "0.10"]
+    assert modes.errors_button.text() == "Estimate errors"
+    assert modes.table.item(0, 1).text().split() == ["21.78", "±", "0.40"]
     assert "increase cage.divisions" in modes.unresolved.text()
     window.document.set("modal", "modes", 4)
     wait_until(lambda: settled(window) and modes.table.rowCount() == 4)
+    assert "±" not in modes.table.item(0, 1).text()
+
+
+def test_frames_are_drawn_during_an_estimate_of_errors_which_a_click_cancels(
+    open_scene: Any,
+) -> None:
+    window = open_scene("gust")
+    modes, engine = window.modes, window.engine
+    window.tabs.setCurrentWidget(modes)
+    # So many cells that their estimate takes much longer than a frame.
+    window.document.set_many("modal", {"modes": 40})
+    window.document.set("cage", "divisions", [40, 40, 1])
+    wait_until(lambda: settled(window) and modes.table.rowCount() == 40)
+    drawn: list[Any] = []
+    window.director.drawn.connect(drawn.append)
+    modes.errors_button.click()
+    for number in range(3):
+        before = len(drawn)
+        window.times.go_to(0.01 * (number + 1))
+        wait_until(lambda: len(drawn) > before)  # noqa: B023
+        assert engine.background is not None
+    modes.errors_button.click()
+    assert modes.errors_button.text() == "Estimate errors"
+    wait_until(lambda: settled(window))
+    assert engine.background is None
     assert "±" not in modes.table.item(0, 1).text()

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
 
+from spacemap_vtk.app.work.slices import in_slices
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
@@ -22,11 +27,19 @@ class ModeErrors:
     note: str
 
 
-def compute_errors(scene: Scene) -> Generator[float | None, None, ModeErrors]:
+def compute_errors(
+    _drawn: Scene, values: Mapping[str, Any], base: Path
+) -> Generator[float | None, None, ModeErrors]:
     """Solve a scene again in wider cells, and return the errors of its frequencies."""
-    yield None
+    # The scene is another one than that which is drawn meanwhile.
+    return in_slices(partial(_compute_errors, values, base))
+
+
+def _compute_errors(values: Mapping[str, Any], base: Path) -> ModeErrors:
     try:
-        figures = report_modes(scene, True)
+        figures = report_modes(Scene(values, base), True)
+    except Cancelled:
+        raise
     except SpacemapError as error:
         return ModeErrors([], [], f"No errors: {error}")
     frequencies = [mode["frequency_hz"] for mode in figures["modes"]]

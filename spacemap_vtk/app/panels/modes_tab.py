@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -118,14 +119,14 @@ class ModesTab(QWidget):
         self.unresolved.hide()
         self.errors_button = QPushButton("Estimate errors")
         self.errors_button.setToolTip(
-            "Solve the cage again in cells twice as wide, and show how far each frequency depends "
-            "on the cells"
+            "Solve the cage again in wider cells, and show how far each frequency depends on the "
+            "cells"
         )
-        self.errors_button.clicked.connect(self._request_errors)
+        self.errors_button.clicked.connect(self._request_or_cancel_errors)
         # Other background work may take the place of the estimate, which is then requested again.
         self._retry = QTimer(self, interval=_RETRY)
         self._retry.timeout.connect(self._retry_errors)
-        self._engine = engine
+        self._document, self._engine = document, engine
         engine.background_ready.connect(self._receive_errors)
         below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.amplitude_text)
         column(
@@ -253,26 +254,35 @@ class ModesTab(QWidget):
         self.unresolved.setText(f"{clause.capitalize()}; use finer divisions of the cage.")
         self.unresolved.setVisible(bool(clause))
 
+    def _request_or_cancel_errors(self) -> None:
+        if self._retry.isActive():
+            self._engine.start_background(None)
+            self._set_estimating(False)
+        else:
+            self._set_estimating(True)
+            self._request_errors()
+
     def _request_errors(self) -> None:
-        self._set_estimating(True)
-        self._engine.start_background(compute_errors)
+        values, base = self._document.values, self._document.base
+        self._engine.start_background(partial(compute_errors, values=values, base=base))
 
     def _retry_errors(self) -> None:
         if self._engine.background is None and not self._engine.busy:
-            self._engine.start_background(compute_errors)
+            self._request_errors()
 
     def _set_estimating(self, is_running: bool) -> None:
         if is_running:
             self._retry.start()
         else:
             self._retry.stop()
-        self.errors_button.setEnabled(not is_running)
-        self.errors_button.setText("Estimating errors …" if is_running else "Estimate errors")
+        self.errors_button.setText("Cancel the estimate" if is_running else "Estimate errors")
 
     def _receive_errors(self, result: Any) -> None:
         """Write the errors beside the frequencies, if the modes are still the same."""
         if not isinstance(result, ModeErrors):
             return  # the result was requested by another tab
+        if not self._retry.isActive():
+            return  # the estimate was cancelled, or is of other modes
         self._set_estimating(False)
         if result.frequencies and (
             len(result.frequencies) != len(self.response.frequencies)

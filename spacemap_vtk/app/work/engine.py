@@ -50,6 +50,8 @@ class Engine(QThread):
         self._started_at: float | None = None
         self._running_values: dict[str, Any] = {}
         self.background: Generator[float | None, None, Any] | None = None
+        #: Background work that was cancelled or replaced, and has to be closed in this thread.
+        self._dropped: list[Generator[float | None, None, Any]] = []
         self._reported = 0.0
         # A weak reference: the pipeline must not keep the engine alive, which owns it.
         me = weakref.proxy(self)
@@ -79,6 +81,7 @@ class Engine(QThread):
         # The work yields its progress from 0 to 1, or None if its progress is unknown.
         with self._condition:
             scene = self.pipeline.scene
+            self._drop_background()
             self.background = None if work is None or scene is None else work(scene)
             self._condition.notify()
 
@@ -114,7 +117,8 @@ class Engine(QThread):
         """Stop, and wait until the thread has ended."""
         with self._condition:
             self.ending = True
-            self._request = self.background = None
+            self._request = None
+            self._drop_background()
             self._condition.notify()
             self.pipeline.token.cancel()
         self.wait()
@@ -124,9 +128,13 @@ class Engine(QThread):
         """Process requests one after another; this is the thread's main function."""
         while True:
             with self._condition:
-                while self._request is None and self.background is None and not self.ending:
+                while not (self._request or self.background or self._dropped or self.ending):
                     self._condition.wait()
-                if self.ending:
+                dropped, self._dropped = self._dropped, []
+            for work in dropped:
+                work.close()
+            with self._condition:
+                if self.ending and not self._dropped:
                     return
                 request, self._request = self._request, None
                 background = self.background
@@ -145,6 +153,12 @@ class Engine(QThread):
                 idle = self._request is None
             if idle:
                 self.idle.emit()
+
+    def _drop_background(self) -> None:
+        """Cancel the background work. Closing it may take time, which the engine's thread has."""
+        if self.background is not None:
+            self._dropped.append(self.background)
+            self.background = None
 
     def run_request(self, request: FrameRequest) -> None:
         try:
