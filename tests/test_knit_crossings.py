@@ -8,7 +8,7 @@ import pytest
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.alexander import alexander_value, require_same_crossings
 from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings
-from spacemap_vtk.textile.rods.loops import draw_loops
+from spacemap_vtk.textile.rods.loops import column_starts, draw_loops
 from spacemap_vtk.textile.rods.stitches import plan_passes
 
 PATTERNS = [
@@ -18,6 +18,7 @@ PATTERNS = [
     (["kkk", "ktk"], ()),
     (["kp", "tp"], ()),
     (["kp"], ["AB", "BA"]),
+    (["kk", "c2f"], ()),
 ]
 
 
@@ -62,11 +63,22 @@ def test_knit_stitches_that_became_purl_stitches_are_refused():
         require_same_crossings(value, turned, drawing.cell)
 
 
+def test_a_cable_has_the_half_that_moves_to_its_side_in_front():
+    for row, is_left in (("c2f", True), ("c2b", False)):
+        passes = plan_passes(["kk", row])
+        yarn = draw_loops(passes, 16.0).yarns[0]
+        low, middle, high = column_starts(passes[0])
+        legs = [yarn.points[low:middle], yarn.points[middle:high]]
+        heights = [part[abs(part[:, 1] - 3.0) < 1.5, 2].mean() for part in legs]
+        assert (heights[1] > heights[0]) == is_left
+
+
 def test_a_stitch_crosses_each_loop_that_it_casts_off_four_times():
     for rows, crossings in [
         (["k"], 4),
         (["k" * 3, "kmk"], 2 * 8 + 4 + 2),  # and a float two legs
         (["k" * 3, "ktk"], 2 * 8 + 8 + 2),  # and a tuck two legs of the loop before it
         (["k" * 3, "ktk", "ktk"], 3 * 8 + 12 + 3 * 2),
+        (["k" * 6, "kc4fk"], 12 * 4 + 16),  # and four legs four others
     ]:
         assert len(draw_loops(plan_passes(rows), 16.0).crossings.signs) == crossings

@@ -24,7 +24,8 @@ def called(*words):
 def test_rows_are_written_by_name_or_by_letters():
     assert parse_rows("Rib 1x1") == ("kp",)
     assert parse_rows("k2p, p k2") == ("kkp", "pkk")
-    for wrong in ("brioche", "kp, k", "k0", "", []):
+    assert parse_rows("p k4 p, p C4F p") == ("pkkkkp", "pc4fp")
+    for wrong in ("brioche", "kp, k", "k0", "", [], "k3, c3f", "kpkk, c4b", "kc"):
         with pytest.raises(InputError):
             parse_rows(wrong)
 
@@ -52,6 +53,13 @@ def test_stitches_that_cannot_be_knitted_are_refused_with_the_cure(rows, why):
     with pytest.raises(InputError, match=why) as refused:
         plan_passes(rows)
     assert refused.value.cure
+
+
+def test_a_cable_moves_half_of_its_stitches_to_each_side():
+    row, crossed = plan_passes(["kkkkp", "c4bp"])
+    assert row.moves == (2, 2, -2, -2, 0)
+    assert crossed.cables == ((0, 4, False),)
+    assert crossed.letters == "kkkkp"
 
 
 def test_a_chart_needs_a_color_for_each_letter_and_cut_edges():

@@ -97,6 +97,25 @@ class Knit(TextileKind):
         usual_units="mm",
         automatic="16 diameters",
     )
+    wale_spacing = Real(
+        None,
+        "Width of a stitch; a given one is that to which the knit is blocked or stretched.",
+        unit="m",
+        above=0.0,
+        plausible=(1e-5, 0.1),
+        usual_units="mm",
+        automatic="as the yarns come to rest; 5 or 7 diameters in a warp knit whose wales no "
+        "underlap joins",
+    )
+    course_spacing = Real(
+        None,
+        "Height of a stitch; a given one is that to which the knit is blocked or stretched.",
+        unit="m",
+        above=0.0,
+        plausible=(1e-5, 0.1),
+        usual_units="mm",
+        automatic="as the yarns come to rest",
+    )
     edges = Choice(
         "cut",
         "Sides of the piece. cut: each course is a yarn of its own; turned: the yarn turns at the "
@@ -138,18 +157,29 @@ class Knit(TextileKind):
     def rest(self, progress: Progress | None = None) -> Rest:
         """Relax a repeat, in diameters."""
         length, passes = self._stitch_diameters, self._passes
-        key = digest_of("loops", *(f"{each.row}{each.letters}" for each in passes), length)
+        key = self._key("loops")
         if (rest := recent(key)) is not None:
             return rest
         counts = np.cumsum([column_starts(each)[-1] for each in passes])
         found = cache.load(key, points=(int(counts[-1]), 3), cell=(2, 3), overlap=(1,))
         if found is None:
-            made = relax_knit(self.rows, length, self.chart or (), progress)
+            made = relax_knit(self.rows, length, self.chart or (), self._spacings, progress)
             points = np.concatenate([yarn.points for yarn in made.yarns])
             found = {"points": points, "cell": made.cell, "overlap": np.array([made.overlap])}
             cache.store(key, **found)
         yarns = [Yarn(points, (1, 0)) for points in np.split(found["points"], counts[:-1])]
         return keep_recent(key, Rest(yarns, found["cell"], float(found["overlap"][0])))
+
+    def _key(self, what: str) -> str:
+        """Return the digest of all on which yarns at rest depend."""
+        given = (self._stitch_diameters, *(each or 0.0 for each in self._spacings))
+        return digest_of(what, *map(str, self._passes), *given)
+
+    @property
+    def _spacings(self) -> tuple[float | None, float | None]:
+        """Given wale and course spacing [diameters]."""
+        wale, course = self.wale_spacing, self.course_spacing
+        return wale and wale / self.size, course and course / self.size
 
     @property
     def _stitch_diameters(self) -> float:
@@ -175,7 +205,7 @@ class Knit(TextileKind):
             return None
         (yarns, cell, _), passes = self.rest(progress), self._passes
         length, strip = self._stitch_diameters, strip_wales(len(passes[0].letters), self.wales)
-        key = digest_of("sides", *(f"{each.row}{each.letters}" for each in passes), length, strip)
+        key = self._key(f"sides of {strip}")
         if key not in _selvedges:
             names = ("left", "right", "turns")
             shapes = dict.fromkeys(names, (-1, 3))

@@ -107,24 +107,8 @@ class WarpKnit(TextileKind):
         ),
         automatic="as the loops are drawn: 20 to 40 diameters in a course",
     )
-    wale_spacing = Real(
-        None,
-        "Width of a stitch.",
-        unit="m",
-        above=0.0,
-        plausible=(1e-5, 0.1),
-        usual_units="mm",
-        automatic="as the yarns come to rest; 5 or 7 diameters if no underlap joins the wales",
-    )
-    course_spacing = Real(
-        None,
-        "Height of a stitch.",
-        unit="m",
-        above=0.0,
-        plausible=(1e-5, 0.1),
-        usual_units="mm",
-        automatic="as the yarns come to rest",
-    )
+    wale_spacing = Knit.wale_spacing
+    course_spacing = Knit.course_spacing
     wales = Knit.wales
     courses = Knit.courses
 

@@ -33,17 +33,7 @@ _ERROR = 1e-6
 
 
 def require_same_crossings(value: float, yarns: Sequence[Yarn], cell: Floats) -> None:
-    """Raise GeometryError if yarns have passed through each other.
-
-    Parameters
-    ----------
-    value : float
-        That of the yarns before, from `alexander_value`.
-    yarns : sequence of Yarn
-        The yarns now.
-    cell : ndarray of float64, shape (2, 3)
-        Period vectors [m].
-    """
+    """Raise GeometryError unless yarns in a cell have the given value of Alexander's polynomial."""
     if abs(alexander_value(yarns, find_crossings(yarns, cell, ASKEW)) - value) > _ERROR:
         raise GeometryError(
             "yarns have passed through each other while they relaxed",
@@ -52,20 +42,9 @@ def require_same_crossings(value: float, yarns: Sequence[Yarn], cell: Floats) ->
 
 
 def alexander_value(yarns: Sequence[Yarn], crossings: Crossings) -> float:
-    """Compute the logarithm of the modulus of Alexander's polynomial at a fixed place.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Yarns without ends.
-    crossings : Crossings
-        All crossings in their cell, seen from any direction.
-
-    Returns
-    -------
-    float
-        Equal for yarns that can be moved to each other, in a cell that may change, too.
-    """
+    """Compute the logarithm of the modulus of Alexander's polynomial at a fixed place."""
+    # Yarns have no ends; the crossings are those in a cell, seen from any direction. The value is
+    # equal for yarns that can be moved to each other, in a cell that may change, too.
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import splu
 

@@ -46,6 +46,7 @@ def relax_knit(
     rows: Sequence[str],
     length: float,
     chart: Sequence[str] = (),
+    spacings: tuple[float | None, float | None] = (None, None),
     progress: Progress | None = None,
 ) -> Relaxed:
     """Relax a knit without friction or set, in a cell that follows its yarns.
@@ -58,6 +59,9 @@ def relax_knit(
         Length of yarn in a stitch [diameters].
     chart : sequence of str, optional
         Colours of a repeat, as for `plan_passes`; by default there is one.
+    spacings : tuple of (float or None, float or None), optional
+        Wale and course spacing to which the knit is stretched [diameters]; None for that of yarns
+        at rest.
     progress : callable, optional
         Called with the share that is done, 0 to 1; may raise to stop.
 
@@ -85,11 +89,18 @@ def relax_knit(
         )
     passes = plan_passes(rows, chart)
     drawing = draw_loops(passes, length)
-    free = np.array([[True, False, False], [False, True, False]])
+    free, size = np.zeros((2, 3), dtype=bool), np.ones(3)
+    for axis, (given, count) in enumerate(
+        zip(spacings, (len(passes[0].letters), passes[-1].row + 1), strict=True)
+    ):
+        free[axis, axis] = given is None
+        if given is not None:
+            size[axis] = given * count / drawing.cell[axis, axis]
     mechanics = _mechanics(len(passes), length)
     stages = STAGES if set("".join(rows)) <= set("kp") and not chart else _STAGES
+    yarns = [yarn._replace(points=yarn.points * size) for yarn in drawing.yarns]
     found = relax_yarns(
-        drawing.yarns, drawing.cell, mechanics, free, stages=stages, progress=progress
+        yarns, drawing.cell * size, mechanics, free, stages=stages, progress=progress
     )
     while found.overlap > OVERLAP:
         # Dense stitches press yarns harder against each other: they need a stiffer contact.

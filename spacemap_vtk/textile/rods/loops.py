@@ -8,10 +8,11 @@ behind it. All crossings follow from this, seen from the face along -z:
 - a new loop and one that it is pulled through: the legs of the new loop lie before the head of the
   old one, and its feet behind the legs of the old one; a purl stitch is the other way round;
 - a float lies behind all loops that are there before it;
-- a tuck lies behind the loops that are there before it; where a purl stitch casts it off, before.
+- a tuck lies behind the loops that are there before it; where a purl stitch casts it off, before;
+- where stitches of a cable cross, half of them are in front.
 
 A loop is drawn where it is made, and its head where it is cast off: loops that are held while other
-courses are knitted are longer.
+courses are knitted are longer, and those of a cable lean.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ _NECK, _HEIGHT = 0.18, 0.80
 _WIDER, _HIGHER, _WIDEST = 0.08, 0.1, 0.2
 #: How far the feet of each yarn of a row lie above those of the one before, in course spacings.
 _APART = 0.15
+#: Room above a course for each stitch of a cable, in course spacings.
+_CROSSED = 0.5
 
 
 class Drawing(NamedTuple):
@@ -60,8 +63,13 @@ class _Loops(NamedTuple):
     """(P, W) Letters of the passes, as characters."""
     cast_off: Ints
     """(P, W) The pass that casts off what each pass lays on a needle."""
+    needle: Ints
+    """(P, W) The needle at which that is."""
     above: Ints
     """(P, W) Number of loops that are laid on each one before it is cast off."""
+    cable: Ints
+    """(P, W) Number of the cable by which it is moved, from 1 on, negative for the half that is
+    behind; 0 for none."""
 
 
 def column_starts(each: Pass) -> Ints:
@@ -77,7 +85,11 @@ def column_starts(each: Pass) -> Ints:
     ndarray of int64, shape (wales + 1,)
         Numbers of control points, with that of all at the end.
     """
-    return np.cumsum([0, *(_SPANS[letter] for letter in each.letters)])
+    spans = np.array([_SPANS[letter] for letter in each.letters])
+    if each.moves:
+        # A loop of a cable has as much more yarn as a float over the needles that it passes.
+        spans += np.where(spans < POINTS, 0, _SPANS["m"] * abs(np.array(each.moves)))
+    return np.concatenate([[0], np.cumsum(spans)])
 
 
 def draw_loops(passes: Sequence[Pass], length: float) -> Drawing:
@@ -87,7 +99,9 @@ def draw_loops(passes: Sequence[Pass], length: float) -> Drawing:
     loops = _hang_loops(passes)
     count, width = loops.letters.shape
     rows = np.array([each.row for each in passes])
-    height = int(rows[-1]) + 1
+    # Cables need room between the courses.
+    room = [_CROSSED * max((each.size for each in one.cables), default=0) for one in passes]
+    levels, height = rows + np.cumsum(room), rows[-1] + 1 + sum(room)
     size = np.array([WALE * length, COURSE * length, 0.0])
     cell = size * [[width, 0.0, 0.0], [0.0, height, 0.0]]
     wider = min(_WIDER, _WIDEST / max(int(loops.above.max()), 1))
@@ -97,14 +111,19 @@ def draw_loops(passes: Sequence[Pass], length: float) -> Drawing:
         parts = []
         for needle, letter in enumerate(each.letters):
             turn, other = divmod(int(loops.cast_off[number, needle]), count)
-            held = rows[other] + turn * height - each.row - 1
+            held = levels[other] + turn * height - levels[number] - 1
+            lean = int(loops.needle[number, needle]) - needle
             above = int(loops.above[number, needle])
-            part = _draw_float(foot) if letter == "m" else _draw_loop(held, foot, above, wider)
-            parts.append(part + np.array([needle, each.row, 0.0]))
+            part = (
+                _draw_float(foot)
+                if letter == "m"
+                else _draw_loop(np.array([lean, held]), foot, above, wider)
+            )
+            parts.append(part + np.array([needle, levels[number], 0.0]))
         flat.append(Yarn(size * np.concatenate(parts), (1, 0)))
         starts.append(np.cumsum([0, *map(len, parts)]))
     found = find_crossings(flat, cell)
-    first_is_above = _order_crossings(passes, loops, flat, starts, found, size[1])
+    first_is_above = _order_crossings(loops, flat, starts, levels, found, size[1])
     yarns = [
         _thin(yarn, np.interp(np.arange(ends[-1]), ends, start), cell[0])
         for yarn, start, ends in zip(
@@ -118,18 +137,26 @@ def _hang_loops(passes: Sequence[Pass]) -> _Loops:
     """Find the pass that casts off each loop."""
     letters = np.array([list(each.letters) for each in passes])
     count, width = letters.shape
-    cast_off, above = np.zeros((2, count, width), dtype=np.int64)
-    for needle in range(width):
-        following, tucks = 0, 0
-        # Two repeats, so that stacks that are held across the border are counted, too.
-        for number in range(2 * count - 1, -1, -1):
-            turn, own = divmod(number, count)
-            cast_off[own, needle], above[own, needle] = following - turn * count, tucks
-            letter = letters[own, needle]
+    # Backwards: the next pass that casts off, with what is laid until then, as seen by a loop on
+    # each needle. Two repeats, so that stacks that are held across the border are counted, too.
+    cast_off, at, above, cable = np.zeros((4, count, width), dtype=np.int64)
+    state = np.zeros((4, width), dtype=np.int64)
+    first = np.cumsum([0, *(len(each.cables) for each in passes)])
+    for number in range(2 * count - 1, -1, -1):
+        turn, own = divmod(number, count)
+        cast_off[own], at[own], above[own], cable[own] = state
+        cast_off[own] -= turn * count
+        for needle, letter in enumerate(letters[own]):
             if letter in "kp":
-                following, tucks = number, 0
-            tucks += letter == "t"
-    return _Loops(letters, cast_off, above)
+                state[:, needle] = number, needle, 0, 0
+            state[2, needle] += letter == "t"
+        for place, (left, size, is_left) in enumerate(passes[own].cables, first[own] + 1):
+            half = size // 2
+            state[3, left : left + half] = place if is_left else -place
+            state[3, left + half : left + size] = -place if is_left else place
+            moved = slice(left, left + size)
+            state[:, moved] = np.roll(state[:, moved], half, axis=1)
+    return _Loops(letters, cast_off, at, above, cable)
 
 
 def _draw_float(foot: float) -> Floats:
@@ -138,19 +165,21 @@ def _draw_float(foot: float) -> Floats:
     return np.column_stack([x, np.full(len(x), foot - _HEIGHT), 0 * x])
 
 
-def _draw_loop(held: float, foot: float, above: int, wider: float) -> Floats:
-    """Draw a loop that is held for some courses, (n, 3), in wale and course spacings."""
+def _draw_loop(held: Floats, foot: float, above: int, wider: float) -> Floats:
+    """Draw a loop whose head is held some wales and courses away, (n, 3), in their spacings."""
     # The upper half of a plain loop, straight legs, and the lower half.
     t = 2 * np.pi * np.arange(POINTS) / POINTS - np.pi
-    quarter, more = POINTS // 4, max(round(held / (2 * np.pi / POINTS * _HEIGHT)), 0)
+    quarter, more = POINTS // 4, max(round(held[1] / (2 * np.pi / POINTS * _HEIGHT)), 0)
     leg, last = quarter + more, POINTS + 2 * more
     legs = np.repeat([quarter, 3 * quarter], more)
     t = np.insert(t, legs, t[legs])
     corners = [quarter - 0.5, leg + 0.5, last - leg - 0.5, last - quarter + 0.5]
     lift = np.interp(np.arange(last), corners, [0.0, 1.0, 1.0, 0.0])
-    x = t / (2 * np.pi) + _NECK * np.sin(2 * t) + above * wider * np.sin(t)
+    x = t / (2 * np.pi) + _NECK * np.sin(2 * t) + above * wider * np.sin(t) + lift * held[0]
+    # Not the mirror image of what leans the other way, so that no corners lie on each other.
+    x += 0.02 * max(held[0], 0.0) * np.sin(np.pi * lift)
     size = np.where(abs(t) > np.pi / 2, _HEIGHT - foot, _HEIGHT)
-    return np.column_stack([x, size * np.cos(t) + lift * (held + above * _HIGHER), 0 * x])
+    return np.column_stack([x, size * np.cos(t) + lift * (held[1] + above * _HIGHER), 0 * x])
 
 
 def _thin(yarn: Yarn, at: Floats, period: Floats) -> Yarn:
@@ -170,37 +199,36 @@ def _thin(yarn: Yarn, at: Floats, period: Floats) -> Yarn:
 
 
 def _order_crossings(
-    passes: Sequence[Pass],
     loops: _Loops,
     yarns: Sequence[Yarn],
     starts: Sequence[Ints],
+    levels: Floats,
     crossings: Crossings,
     course: float,
 ) -> Bools:
     """Return whether the first yarn of each crossing is above the second one, (c,)."""
-    count = len(passes)
+    count = len(loops.letters)
+    needle, level = np.zeros(crossings.yarns.shape, dtype=np.int64), np.zeros(crossings.yarns.shape)
+    for number, (yarn, start) in enumerate(zip(yarns, starts, strict=True)):
+        on = crossings.yarns == number
+        # A parameter is that of the control point after the one where its span starts.
+        at = (crossings.parameters[on] + 1.0) % start[-1]
+        needle[on] = np.searchsorted(start, at, side="right") - 1
+        height = yarn.points[:, 1] / course - levels[number]
+        level[on] = np.interp(at, np.arange(start[-1] + 1), np.append(height, height[0]))
+    # What is laid later decides: its letter, and which part of it crosses the earlier one.
     turn = np.stack([np.zeros(len(crossings.signs), dtype=np.int64), crossings.shift[:, 1]], axis=1)
     side = (crossings.yarns + count * turn).argmax(axis=1)
-    # What is laid later decides: its letter, and which part of it crosses the earlier one.
-    new, place = (
-        np.take_along_axis(each, side[:, None], axis=1)[:, 0]
-        for each in (crossings.yarns, crossings.parameters)
-    )
-    is_before = np.zeros(len(new), dtype=bool)
-    for number, (each, start) in enumerate(zip(passes, starts, strict=True)):
-        on = np.flatnonzero(new == number)
-        height = yarns[number].points[:, 1] / course
-        # A parameter is that of the control point after the one where its span starts.
-        at = (place[on] + 1.0) % start[-1]
-        needle = np.searchsorted(start, at, side="right") - 1
-        letter = loops.letters[number, needle]
-        by = loops.letters[loops.cast_off[number, needle] % count, needle]
-        level = np.interp(at, np.arange(start[-1] + 1), np.append(height, height[0]))
-        is_head = level > each.row - 0.5
-        is_before[on] = np.where(
-            letter == "t", by == "p", (letter != "m") & (is_head == (letter == "k"))
-        )
-    return np.asarray(is_before == (side == 0))
+    new = (np.arange(len(side)), side)
+    pass_, at = crossings.yarns[new], needle[new]
+    letter = loops.letters[pass_, at]
+    by = loops.letters[loops.cast_off[pass_, at] % count, loops.needle[pass_, at]]
+    is_head = level[new] > -0.5
+    is_before = np.where(letter == "t", by == "p", (letter != "m") & (is_head == (letter == "k")))
+    first_is_above = is_before == (side == 0)
+    cable = loops.cable[crossings.yarns, needle]
+    crossed = (cable[:, 0] != 0) & (cable[:, 0] == -cable[:, 1])
+    return np.where(crossed, cable[:, 0] > 0, first_is_above)
 
 
 def _reorder(found: Crossings, first_is_above: Bools) -> Crossings:

@@ -30,7 +30,7 @@ GRAMMAR = (
     "a structure out of "
     + ", ".join(f'"{name}"' for name in STRUCTURES)
     + ', or the rows of a repeat, the lowest first, as ["kkp", "kpk"] '
-    "(k: knit, p: purl, t: tuck, m: miss)"
+    "(k: knit, p: purl, t: tuck, m: miss; c4f, c4b: 4 stitches crossed to the left, to the right)"
 )
 #: Description of what `parse_chart` accepts.
 CHART_GRAMMAR = (
@@ -39,8 +39,23 @@ CHART_GRAMMAR = (
 )
 #: Largest number of stitches in a repeat, and of colours in a row.
 _MOST, MOST_COLORS = 400, 4
+#: A cable: its number of stitches, and whether those that move to the left are in front.
+_CABLE = r"c(\d{1,2})([fb])"
+#: Largest number of stitches of a cable.
+_LARGEST_CABLE = 12
 #: Largest number of courses over which a loop is held.
 MOST_HELD = 4
+
+
+class Cable(NamedTuple):
+    """Stitches that change places before they are knitted."""
+
+    first: int
+    """The needle at the left."""
+    size: int
+    """Number of stitches, half of which move to either side."""
+    is_left: bool
+    """Whether those that move to the left are in front (f), or those that move to the right (b)."""
 
 
 class Pass(NamedTuple):
@@ -52,6 +67,10 @@ class Pass(NamedTuple):
     """The row to which it belongs."""
     color: int
     """Number of its colour: 0 for A."""
+    cables: tuple[Cable, ...] = ()
+    """Stitches that are crossed before this pass."""
+    moves: tuple[int, ...] = ()
+    """How many needles each loop moves to the right before it is cast off; none without cables."""
 
 
 def parse_rows(value: object) -> tuple[str, ...]:
@@ -60,12 +79,13 @@ def parse_rows(value: object) -> tuple[str, ...]:
     Parameters
     ----------
     value : object
-        Name, rows separated by commas, or rows. A row may repeat letters by a number: ``k3p``.
+        Name, rows separated by commas, or rows. A row may repeat letters by a number: ``k3p``; a
+        cable is written as ``c4f`` or ``c4b``, for 4 stitches.
 
     Returns
     -------
     tuple of str
-        Rows of one repeat, the lowest first, of the letters k, p, t and m.
+        Rows of one repeat, the lowest first, of the letters k, p, t and m, and of cables.
 
     Raises
     ------
@@ -81,7 +101,30 @@ def parse_rows(value: object) -> tuple[str, ...]:
         name = " ".join(value.lower().split())
         if name in STRUCTURES:
             return STRUCTURES[name]
-    return _parse_grid(value, "kptm", "the stitches of a knit")
+    rows = _parse_grid(value, "kptm", "the stitches of a knit")
+    for row, below in zip(rows, (*rows[-1:], *rows), strict=False):
+        for first, size, is_left in _cables_of(row):
+            for needle in range(first, first + size):
+                if (other := letters_of(below)[needle]) != "k":
+                    raise InputError(
+                        f"c{size}{'f' if is_left else 'b'} crosses stitches {first + 1} to "
+                        f"{first + size} of the row below, but stitch {needle + 1} is {other}",
+                        cure="Write k below each stitch of a cable.",
+                    )
+    return rows
+
+
+def letters_of(row: str) -> str:
+    """Return the letters of a row, with k for each stitch of a cable."""
+    return re.sub(_CABLE, lambda found: int(found[1]) * "k", row)
+
+
+def _cables_of(row: str) -> tuple[Cable, ...]:
+    """Return the cables of a row."""
+    return tuple(
+        Cable(len(letters_of(row[: found.start()])), int(found[1]), found[2] == "f")
+        for found in re.finditer(_CABLE, row)
+    )
 
 
 def parse_chart(value: object) -> tuple[str, ...]:
@@ -147,23 +190,27 @@ def plan_passes(rows: Sequence[str], chart: Sequence[str] = ()) -> list[Pass]:
     ['kkm', 'mmk']
     """
     chart = chart or ("A",)
-    width, height = lcm(len(rows[0]), len(chart[0])), lcm(len(rows), len(chart))
+    letters = [letters_of(row) for row in rows]
+    width, height = lcm(len(letters[0]), len(chart[0])), lcm(len(rows), len(chart))
     if width * height > _MOST:
         raise InputError(
             f"rows and chart repeat themselves only after {width} x {height} stitches; a repeat "
             f"has at most {_MOST}. Choose a chart whose size is a multiple of that of the rows"
         )
+    spelled = [rows[row % len(rows)] * (width // len(letters[0])) for row in range(height)]
     passes = []
     for row in range(height):
         stitches, colors = (
-            each[row % len(each)] * (width // len(each[0])) for each in (rows, chart)
+            each[row % len(each)] * (width // len(each[0])) for each in (letters, chart)
         )
+        cables, moves = _cables_of(spelled[row]), _moves_of(spelled[(row + 1) % height])
         for color in sorted(set(colors)):
-            letters = "".join(
-                stitch if own == color else "m"
-                for stitch, own in zip(stitches, colors, strict=True)
+            own = "".join(
+                stitch if its == color else "m"
+                for stitch, its in zip(stitches, colors, strict=True)
             )
-            passes.append(Pass(letters, row, ord(color) - ord("A")))
+            passes.append(Pass(own, row, ord(color) - ord("A"), cables, moves))
+            cables = ()
     _require_knittable(passes)
     return passes
 
@@ -194,6 +241,15 @@ def _require_knittable(passes: Sequence[Pass]) -> None:
             )
 
 
+def _moves_of(row: str) -> tuple[int, ...]:
+    """Return how far the cables of a row move each stitch to the right; nothing without cables."""
+    cables, moves = _cables_of(row), [0] * len(letters_of(row))
+    for first, size, _ in cables:
+        half = size // 2
+        moves[first : first + size] = [half] * half + [-half] * half
+    return tuple(moves) if cables else ()
+
+
 def _parse_grid(value: object, letters: str, what: str) -> tuple[str, ...]:
     """Convert a text with commas, or texts, to rows of equal length of the given letters."""
     if isinstance(value, str):
@@ -201,23 +257,33 @@ def _parse_grid(value: object, letters: str, what: str) -> tuple[str, ...]:
     if not isinstance(value, Iterable):
         raise InputError(f"must be {what}")
     rows = tuple(_spell_out(str(row), letters) for row in value)
-    if not rows or len({len(row) for row in rows}) > 1:
+    if not rows or len({len(letters_of(row)) for row in rows}) > 1:
         raise InputError("all rows need the same number of stitches")
-    if len(rows) * len(rows[0]) > _MOST:
+    if len(rows) * len(letters_of(rows[0])) > _MOST:
         raise InputError(f"a repeat has at most {_MOST} stitches")
     return rows
 
 
 def _spell_out(row: str, letters: str) -> str:
     """Replace ``k3`` by ``kkk``."""
-    lower = letters == letters.lower()
+    is_rows = letters == letters.lower()
     text = "".join(row.split())
-    text = text.lower() if lower else text.upper()
-    found = re.findall(rf"([{letters}])(\d{{0,3}})", text)
-    if "".join(letter + count for letter, count in found) != text:
-        allowed = "k, p, t and m" if lower else "A to Z"
-        raise InputError(f'the row "{row}" has other letters than {allowed}')
-    spelled = "".join(letter * int(count or 1) for letter, count in found)
+    text = text.lower() if is_rows else text.upper()
+    tokens = rf"([{letters}])(\d{{0,3}})" + (f"|({_CABLE})" if is_rows else "")
+    spelled, end = "", 0
+    for found in re.finditer(tokens, text):
+        if found.start() != end:
+            break
+        end = found.end()
+        spelled += found[1] * int(found[2] or 1) if found[1] else found[0]
+        if not found[1] and not (2 <= int(found[4]) <= _LARGEST_CABLE and int(found[4]) % 2 == 0):
+            raise InputError(
+                f"{found[0]} crosses {int(found[4])} stitches; a cable has an even number of them, "
+                f"2 to {_LARGEST_CABLE}"
+            )
+    if end != len(text):
+        allowed = "k, p, t, m, and cables as c4f and c4b" if is_rows else "letters from A to Z"
+        raise InputError(f'the row "{row}" has "{text[end]}"; allowed are {allowed}')
     if not spelled:
         raise InputError("a row has no stitches")
     return spelled
