@@ -165,17 +165,21 @@ def format_errors(texts: Sequence[str], errors: Sequence[float | None]) -> list[
 
 def format_with_error(value: float, error: float | None, unit: str, digits: int = 4) -> str:
     """Format a value in a suitable unit, and its error in the same unit, rounded up."""
-    # The value has no digits below the second digit of the error.
     text = format_quantity(value, unit, digits)
     if error is None:
         return text
     name = text.partition(" ")[2]
     size = UNITS[unit][name] if name else 1.0
-    value, error = value / size, error / size
+    return f"{format_uncertain(value / size, error / size, digits)} {name}".rstrip()
+
+
+def format_uncertain(value: float, error: float, digits: int = 4) -> str:
+    """Format a number and its error, rounded up."""
+    # The number has no digits below the second digit of the error.
     most = digits - 1 - (math.floor(math.log10(abs(value))) if value else 0)
     decimals = max(min(1 - math.floor(math.log10(error)) if error else most, most), 0)
     error = math.ceil(error * 10**decimals - 1e-6) / 10**decimals
-    return f"{value:.{decimals}f} ± {error:.{decimals}f} {name}".rstrip()
+    return f"{value:.{decimals}f} ± {error:.{decimals}f}"
 
 
 def format_length(value: float) -> str:

@@ -179,7 +179,29 @@ def test_every_test_states_what_it_prints(name: str) -> None:
     found = test.measure(FABRIC)
     printed = set(test.prints.split(", ")) - {"B_rigid"}  # which only cloth from yarns has
     assert {reading.symbol for reading in found.readings} == printed
+    for reading in found.readings:
+        if reading.value is not None and reading.symbol != "nodes":
+            assert reading.exact != (reading.error is not None)
     assert found.states is None or np.isfinite(found.states.displacements).all()
+
+
+def test_figures_on_cells_have_errors_and_others_are_exact() -> None:
+    def readings(width: float) -> list[records.Reading]:
+        values = 5.0 + 0.1 * width**2, 7.0, None
+        return [
+            records.Reading(symbol, "", "warp", value, records.PURE)
+            for symbol, value in zip(("EMT", "Fs", "RT"), values, strict=True)
+        ]
+
+    (first, second, third), notes = records.add_errors(*(readings(width) for width in (1, 2, 4)))
+    assert first.error == pytest.approx(1.25 * 0.1)
+    assert (first.text, second.text) == ("5.10 ± 0.13", "7 (exact)")
+    assert (second.error, third.error, third.exact) == (None, None, False)
+    assert (first.as_json()["exact"], second.as_json()["exact"]) == (False, True)
+    assert notes == []
+    (first, *_), notes = records.add_errors(readings(1), readings(2))
+    assert first.error == pytest.approx(3 * 0.1)
+    assert notes == ["the cells are too wide for EMT warp (± above 5 %)"]
 
 
 def test_command_prints_the_figures(capsys: pytest.CaptureFixture[str]) -> None:

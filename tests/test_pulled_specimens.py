@@ -87,3 +87,28 @@ def test_bias_strip_of_stiff_yarns_shears_as_the_kinematic_formula_says() -> Non
         found = bias.pull_bias(replace(FABRIC, plate=stiff), extension, cells=cells)
         np.testing.assert_allclose(found.angle[1:], kinematic[1:], rtol=0.01)
         assert found.force[1] == pytest.approx(first, rel=0.02)
+
+
+@pytest.mark.nightly
+def test_finer_cells_are_within_the_stated_errors() -> None:
+    """Of tension in cells half as wide, and of bias extension."""
+    fabric = cotton()
+    assert fabric.cloth is not None
+    assert fabric.yarns is not None
+    law = cloth_law(fabric.cloth, fabric.yarns)
+    fabric = replace(fabric, plate=replace(fabric.plate, law=law))
+    found = find_test("tensile").measure(fabric)
+    fine = tensile.pull_strip(fabric, 1, cells=(48, 24))[:2]
+    fast = tensile.pull_strip(fabric, 1, tensile.FAST_SIZE, (16, 32))[:2]
+    finer = tensile_readings("warp", *tensile.end_at_largest(*fine))
+    finer += tensile.fast_readings("warp", *fast)
+    extension = np.linspace(0.0, bias.LARGEST, 29)
+    sheared = bias.pull_bias(fabric, extension, cells=20)
+    measured = find_test("bias").measure(fabric)
+    pairs = [(found.reading(each.symbol, "warp"), each.value) for each in finer]
+    pairs.append((measured.reading("γ", "bias"), float(np.interp(0.1, extension, sheared.angle))))
+    for reading, value in pairs:
+        if value is not None:
+            assert reading.value is not None
+            assert reading.error is not None
+            assert abs(reading.value - value) < reading.error < 0.1 * reading.value

@@ -30,6 +30,7 @@ from spacemap_vtk.laboratory.records import (
     Reading,
     States,
     map_sheet,
+    mark_exact,
 )
 from spacemap_vtk.mechanics.elements.plates import strip_stiffness
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -61,7 +62,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         ]
     progress(1.0)
     return Measurement(
-        readings,
+        mark_exact(readings),
         curves,
         Axis("curvature", PER_CM),
         Axis("moment per width", GF_CM_PER_CM),

@@ -30,6 +30,7 @@ from spacemap_vtk.laboratory.records import (
     Reading,
     States,
     map_sheet,
+    mark_exact,
 )
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -60,7 +61,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
             readings += tensile_readings(direction, steps, force[:, axis])
         progress((number + 1) / len(paths))
     return Measurement(
-        readings,
+        mark_exact(readings),
         curves,
         Axis("extension", PERCENT),
         Axis("force per width", GF_PER_CM),

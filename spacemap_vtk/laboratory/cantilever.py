@@ -34,6 +34,7 @@ from spacemap_vtk.laboratory.records import (
     Reading,
     States,
     map_sheet,
+    mark_exact,
 )
 from spacemap_vtk.mechanics.elements.plates import bending_length, strip_stiffness
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -88,7 +89,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     states = _push_strip(fabric, bending_length(rigidities["warp"], mass), strips)
     progress(1.0)
     return Measurement(
-        readings,
+        mark_exact(readings),
         curves,
         Axis("overhang", MILLIMETRE),
         Axis("slope of the chord", DEGREE),

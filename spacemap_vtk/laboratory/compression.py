@@ -32,6 +32,7 @@ from spacemap_vtk.laboratory.records import (
     Curve,
     Measurement,
     Reading,
+    mark_exact,
 )
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -71,13 +72,15 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     if share[-1] <= yarns.flattest:
         notes.append("the crossings reach their least thickness, yarns.flattest")
     return Measurement(
-        [
-            Reading("T0", "thickness at 0.5 gf/cm²", "", float(thickness[0]), MILLIMETRE),
-            Reading("Tm", "thickness at 50 gf/cm²", "", float(thickness[-1]), MILLIMETRE),
-            Reading("LC", "linearity", "", linearity, PURE),
-            Reading("WC", "work", "", work, GF_CM_PER_CM2),
-            Reading("RC", "resilience", "", None, PERCENT, note=_NO_LOSS),
-        ],
+        mark_exact(
+            [
+                Reading("T0", "thickness at 0.5 gf/cm²", "", float(thickness[0]), MILLIMETRE),
+                Reading("Tm", "thickness at 50 gf/cm²", "", float(thickness[-1]), MILLIMETRE),
+                Reading("LC", "linearity", "", linearity, PURE),
+                Reading("WC", "work", "", work, GF_CM_PER_CM2),
+                Reading("RC", "resilience", "", None, PERCENT, note=_NO_LOSS),
+            ]
+        ),
         [Curve("loading", thickness, pressure)],
         Axis("thickness", MILLIMETRE),
         Axis("pressure", GF_PER_CM2),

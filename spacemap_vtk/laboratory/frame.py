@@ -23,6 +23,7 @@ from spacemap_vtk.laboratory.records import (
     Measurement,
     Reading,
     States,
+    add_errors,
 )
 from spacemap_vtk.mechanics.boundary.grips import Grip, held_by
 from spacemap_vtk.mechanics.boundary.reactions import Reaction, find_bearings
@@ -55,31 +56,44 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         )
     angles = np.linspace(0.0, LARGEST, _STEPS + 1)
     force, states = shear_in_frame(fabric, angles, progress)
-    readings = [
-        Reading("Fs", f"shear force per length at {np.degrees(angle):.0f}°", "", value, N_PER_M)
-        for angle, value in zip(_PRINTED, np.interp(_PRINTED, angles, force), strict=True)
-    ]
+    printed = np.concatenate([[0.0], _PRINTED])
+    # The cloth is sheared alike everywhere unless its law lets it localise; two cells show it.
+    wider, _ = shear_in_frame(fabric, printed, cells=_CELLS // 3)
+    readings, doubts = add_errors(
+        _readings(angles, force), _readings(printed, wider), ratios=(3.0, 3.0)
+    )
     return Measurement(
         readings,
         [Curve("loading", angles, force)],
         Axis("shear angle", DEGREE),
         Axis("shear force per length", N_PER_M),
-        ("yarns keep their lengths; the work of friction between them is not contained",),
+        ("yarns keep their lengths; the work of friction between them is not contained", *doubts),
         states,
     )
 
 
+def _readings(angles: Floats, force: Floats) -> list[Reading]:
+    """Return the forces per length of a bar at the printed angles."""
+    return [
+        Reading("Fs", f"shear force per length at {np.degrees(angle):.0f}°", "", value, N_PER_M)
+        for angle, value in zip(_PRINTED, np.interp(_PRINTED, angles, force), strict=True)
+    ]
+
+
 def shear_in_frame(
-    fabric: Fabric, angles: Floats, progress: Progress = lambda share: None
+    fabric: Fabric,
+    angles: Floats,
+    progress: Progress = lambda share: None,
+    cells: int = _CELLS,
 ) -> tuple[Floats, States]:
     """Return shear forces per length of a bar [N/m] at angles from 0 on, (n,), and the states."""
     half, thick = SIDE / 2, fabric.thickness / 2
     box = (-half, half, -half, half, -thick, thick)
-    points, cells = build_lattice(box, (_CELLS, _CELLS, 1))
+    points, tetrahedra = build_lattice(box, (cells, cells, 1))
     bars = [_bar(points, axis, end, angles) for axis in (0, 1) for end in (-half, half)]
     held = held_by(bars, points.shape)
     held[:, 2] = True  # flat
-    model = Model(points, cells, fabric.plate, _DENSITY, held)
+    model = Model(points, tetrahedra, fabric.plate, _DENSITY, held)
     bearings = find_bearings(points, (), bars)
     power, moved = [], []
     for number, state in enumerate(states_on_path(model, grips=bars)):
@@ -91,7 +105,9 @@ def shear_in_frame(
     # The diagonal is 2 L cos φ, and dφ = -dγ/2.
     phi = np.pi / 4 - angles / 2
     force = np.array(power) / (SIDE * np.sin(phi)) / (2 * np.cos(phi)) / SIDE
-    return force, States(points, cells, np.array(moved), np.stack([angles, force], axis=1), "front")
+    return force, States(
+        points, tetrahedra, np.array(moved), np.stack([angles, force], axis=1), "front"
+    )
 
 
 def _bar(points: Floats, axis: int, end: float, angles: Floats) -> Grip:

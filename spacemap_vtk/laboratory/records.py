@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.mechanics.modal.convergence import SHEET_ORDER, estimate_error
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.units import GRAVITY, format_quantity, typeset_units
+from spacemap_vtk.units import GRAVITY, format_quantity, format_uncertain, typeset_units
 
 _GF = 1e-3 * GRAVITY
 #: Text for a figure that the model does not give; its note says why.
 NOT_MODELLED = "not modelled"
+#: An error below this share of its figure is rounding.
+_ROUNDING = 1e-8
 
 
 class Unit(NamedTuple):
@@ -56,18 +59,20 @@ class Reading(NamedTuple):
     """In SI; None if it is not modelled, and the note says why."""
     unit: Unit
     error: float | None = None
-    """Estimated error in SI; None if it is not known."""
+    """Estimated error in SI that is due to cells; None if it is not known, or there is none."""
     note: str = ""
+    exact: bool = False
+    """Whether it is a closed form or a solution to rounding, so that no cells are to blame."""
 
     @property
     def text(self) -> str:
-        """The figure in the instrument's unit."""
+        """The figure in the instrument's unit, with its error."""
         if self.value is None:
             return NOT_MODELLED
-        number = f"{self.value / self.unit.size:.4g}"
+        value, unit = self.value / self.unit.size, self.unit.name
         if self.error is not None:
-            number += f" ± {self.error / self.unit.size:.1g}"
-        return f"{number} {self.unit.name}".rstrip()
+            return f"{format_uncertain(value, self.error / self.unit.size)} {unit}".rstrip()
+        return f"{value:.4g} {unit}".rstrip() + " (exact)" * self.exact
 
     @property
     def si_text(self) -> str:
@@ -76,7 +81,7 @@ class Reading(NamedTuple):
         if self.value is None or si in ("", "rad"):
             return ""
         text = typeset_units(format_quantity(self.value, si, 4))
-        return "" if text == self.text.partition(" ±")[0] else text
+        return "" if text == f"{self.value / self.unit.size:.4g} {self.unit.name}" else text
 
     def as_json(self) -> dict[str, object]:
         """Return the figure for programs."""
@@ -89,8 +94,49 @@ class Reading(NamedTuple):
             "si_value": self.value,
             "si_unit": self.unit.si,
             "error": None if self.error is None else self.error / self.unit.size,
+            "exact": self.exact,
             "note": self.note,
         }
+
+
+def mark_exact(readings: Iterable[Reading]) -> list[Reading]:
+    """Mark figures that are closed forms, or solutions to rounding."""
+    return [each._replace(exact=each.value is not None) for each in readings]
+
+
+def add_errors(
+    readings: Sequence[Reading],
+    *wider: Sequence[Reading],
+    ratios: tuple[float, float] = (2.0, 2.0),
+    order: float = SHEET_ORDER,
+) -> tuple[list[Reading], list[str]]:
+    """Add errors to figures from the same ones in wider cells, with notes on those not converged."""
+    # `ratios` are widths over that of the next narrower cells, `order` the largest power of the
+    # width with which errors fall. A figure that does not depend on the cells is exact.
+    found, rough = [], []
+    others = [{each[:3]: each.value for each in figures} for figures in wider]
+    for reading in readings:
+        values = [each.get(reading[:3]) for each in others]
+        known = [value for value in values if value is not None]
+        if reading.value is None or reading.exact or len(known) < len(values):
+            found.append(reading)
+            continue
+        error, converged = estimate_error(
+            reading.value,
+            known[0],
+            ratios[0],
+            coarsest=known[1] if len(known) > 1 else None,
+            coarsest_ratio=ratios[1],
+            order=order,
+        )
+        if error <= _ROUNDING * abs(reading.value):
+            found.append(reading._replace(exact=True))
+            continue
+        found.append(reading._replace(error=error))
+        if not converged:
+            rough.append(f"{reading.symbol} {reading.direction}".rstrip())
+    notes = [f"the cells are too wide for {', '.join(rough)} (± above 5 %)"] if rough else []
+    return found, notes
 
 
 class Axis(NamedTuple):

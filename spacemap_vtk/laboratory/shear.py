@@ -37,6 +37,7 @@ from spacemap_vtk.laboratory.records import (
     Reading,
     States,
     map_sheet,
+    mark_exact,
 )
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.crimp.interchange import Interchange
@@ -100,7 +101,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     missing = crossing_friction(fabric, 1).missing
     share = PRETENSION / GF_PER_CM_DEGREE.size
     return Measurement(
-        readings,
+        mark_exact(readings),
         curves,
         Axis("shear angle", DEGREE),
         Axis("shear force per width", GF_PER_CM),

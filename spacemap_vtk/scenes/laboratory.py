@@ -159,6 +159,8 @@ def figures_as_csv(results: Sequence[TestResult]) -> str:
         for reading in () if measurement is None else measurement.readings:
             figure = reading.as_json()
             numbers = {key: _format(figure[key]) for key in ("value", "si_value", "error")}
+            if reading.exact:
+                numbers["error"] = "exact"
             rows.append(
                 (
                     *(test.name, test.instrument, reading.symbol, reading.name, reading.direction),

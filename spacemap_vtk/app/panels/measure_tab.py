@@ -24,6 +24,8 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row
 from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.app.work.slices import in_slices
+from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
 from spacemap_vtk.scenes.laboratory import TestResult, measure_scene
@@ -51,11 +53,16 @@ def _measure(
     _drawn: Scene, key: Any, values: Mapping[str, Any], base: Path, name: str
 ) -> Generator[None, None, _Result]:
     """Run a test with a scene of its own, so that the drawn one stays as it is."""
-    yield
-    try:
-        return _Result(key, measure_scene(Scene(values, base), name)[0])
-    except SpacemapError as error:
-        return _Result(key, error)
+
+    def measure() -> _Result:
+        try:
+            return _Result(key, measure_scene(Scene(values, base), name)[0])
+        except Cancelled:
+            raise
+        except SpacemapError as error:
+            return _Result(key, error)
+
+    return in_slices(measure)
 
 
 class MeasureTab(QWidget):
