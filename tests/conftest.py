@@ -32,6 +32,10 @@ from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.scenes import library
 
+# Collecting garbage would take a sixth of the time in which the tests are imported: `noted_stages`
+# enables it before the first one runs.
+gc.disable()
+
 # A container may forbid to keep what is compiled: then each of a hundred processes that the tests
 # start, and each worker, would compile the package and the tests anew.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -162,6 +166,7 @@ def noted_stages() -> Iterator[None]:
     # What is imported stays: no collection need go through it again, and there are a thousand.
     gc.collect()
     gc.freeze()
+    gc.enable()
     yield
     Stage.__new__ = make
 

@@ -55,7 +55,9 @@ def test_patches_equal_matrix_products(monkeypatch, small, count, subdivisions, 
     points, connectivity = random_patches(count, 3, 3, shared=shared)
     compiled, plain = surfaces(monkeypatch, connectivity, subdivisions)
     np.testing.assert_array_equal(compiled.quads, plain.quads)
-    for kind, error in ((np.float32, 1e-5), (np.float64, 1e-13)):
+    # Many patches have wider indices, for which loops are compiled again: for one precision.
+    kinds = [(np.float32, 1e-5), (np.float64, 1e-13)]
+    for kind, error in kinds[:1] if count == 3000 else kinds:
         for made, expected in zip(
             compiled.evaluate(points, kind), plain.evaluate(points, kind), strict=True
         ):

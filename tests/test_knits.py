@@ -126,7 +126,8 @@ def test_stitches_that_cannot_be_are_refused(capsys):
 
 
 def test_info_names_the_textile(capsys):
-    assert called("info", "stockinette", "--json") == 0
+    few = ("--set", "textile.wales=5", "--set", "textile.courses=5")
+    assert called("info", "stockinette", "--json", *few) == 0
     found = json.loads(capsys.readouterr().out)["textile"]
     assert found["loop_length"] / found["course_spacing"] == pytest.approx(5.42, rel=0.005)
     assert found["largest_overlap"] < 0.005

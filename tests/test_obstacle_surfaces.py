@@ -32,6 +32,9 @@ from spacemap_vtk.scenes.figure_list import contact_figures
 from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
 
+# Most tests need the same modes.
+pytestmark = pytest.mark.usefixtures("kept_modes")
+
 SIZE, EDGE = (1.0, 0.8, 0.6), 0.1
 BODIES: list[tuple[Surface, Obstacle, float]] = [
     (turned_surface(0.5, 1.0, 0.5), Sphere(0.5), 4 / 3 * math.pi * 0.5**3),
@@ -126,9 +129,9 @@ def draw(scene: Scene, size: tuple[int, int] = (240, 180)) -> np.ndarray:
 
 
 def test_obstacles_are_drawn_and_can_be_hidden() -> None:
-    seen, bare, hidden = draw(table()), draw(table(obstacles=False)), table(obstacles=False)
+    hidden = table(obstacles=False)
+    seen, bare = draw(table()), draw(hidden)
     assert (abs(seen - bare).max(axis=2) > 8).mean() > 0.2  # the ground, behind all else
-    hidden.update(0.0)
     assert hidden.view.obstacles is False
 
 

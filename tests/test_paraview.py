@@ -32,6 +32,10 @@ pytestmark = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None,
     reason="needs pvpython and xvfb-run: apt-get install paraview python3-paraview xvfb xauth",
 )
+#: Pipelines that the gate leaves out; one that is run with MPI; and the others.
+SLOW = {"film", "on_a_result"}
+PARALLEL = {"cloth_over_ranks"}
+QUICK = {path.stem for path in PIPELINES.glob("*.py")} - SLOW - PARALLEL
 #: Environment of a shell that finds this Python and this package.
 SHELL = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
@@ -101,7 +105,12 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     # Scripts of plain VTK, as they are: ParaView's Python has an older VTK and no PyVista.
     scripts |= {f"../../pipelines/{name}": ([], "") for name in ("with_vtk", "on_a_result")}
     scripts["../paraview_pipeline"] = [], "1 passed"
-    run_in_one_session(scripts, tmp_path)
+    # Pipelines of ParaView; the first one sets the shape of the view: one that fills its picture.
+    drawn = ["plain_weave", *sorted(QUICK - {"plain_weave"})]
+    pipelines = {f"../../pipelines/paraview/{n}": ([tmp_path / f"{n}.png"], "") for n in drawn}
+    run_in_one_session(pipelines | scripts, tmp_path)
+    for name in drawn:
+        in_the_yarns_colours(tmp_path / f"{name}.png")
     pictures = [
         np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
         for name in ("shown", "again", "displacement", "map")
@@ -238,14 +247,10 @@ def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_pat
     in_the_yarns_colours(picture, least)
 
 
-#: Scripts that the gate leaves out; and one that is run with MPI.
-SLOW = {"film", "on_a_result"}
-PARALLEL = {"cloth_over_ranks"}
-
-
-@pytest.mark.parametrize("slow", [False, pytest.param(True, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("slow", [False, True])
 def test_pipeline_scripts_in_one_batch(slow: bool, tmp_path: Path) -> None:
-    names = SLOW if slow else {path.stem for path in PIPELINES.glob("*.py")} - SLOW - PARALLEL
+    names = SLOW if slow else QUICK
     # The first one sets the shape of the view: one that fills its picture.
     ordered = sorted(names, key=lambda name: (name not in ("plain_weave", "film"), name))
     files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in ordered}

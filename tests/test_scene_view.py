@@ -21,6 +21,9 @@ from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.scenes.scene import Scene
 
+# Most tests need the same modes.
+pytestmark = pytest.mark.usefixtures("kept_modes")
+
 VALUES: dict[str, Any] = {
     "weave": {"ends": 3, "picks": 3},
     "cage": {"divisions": [2, 2, 1]},

@@ -363,6 +363,7 @@ SHORTER = {
     "curtain": ("cage.divisions=[16,8,1]", *half_the_yarns(40, 50, "20 mm")),
     "curtain_on_rod": ("cage.divisions=[4,40,1]", *half_the_yarns(50, 110, "5 mm")),
     "drape": ("cage.divisions=[16,20,1]", *half_the_yarns(40, 50, "15 mm")),
+    "overhang": half_the_yarns(40, 12, "3 mm"),
     "pennant": ("cage.divisions=[10,2,1]", *half_the_yarns(35, 10, "20 mm")),
     "squall": ("cage.divisions=[4,8,1]", *half_the_yarns(30, 40, "20 mm")),
     "drop": (

@@ -361,7 +361,7 @@ def updated() -> dict[str, Stage]:
     swing = Scene(SMALL | {"response": {}, "rotation": {}, "yarns": {}} | unused)
     swing.update(time=0.1)
     stepped = Scene(SMALL | {"transient": {"max_step": 1e-4}})
-    stepped.update(time=0.001)
+    stepped.update(time=1e-4)
     read = Scene({"object": {}, "motion": {"array": "U"}})
     read.object.file = next((root / "objects").glob("*.ply"))
     read.motion.file = root / "calculix" / "sheet.pvd"

@@ -221,6 +221,8 @@ divisions = [4, 4, 1]
 [modal]
 youngs_modulus = "20 kPa"
 [response]
+[view]
+size = [320, 240]
 """
 
 

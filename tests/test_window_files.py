@@ -49,7 +49,7 @@ def open_and_check(open_scene: Any, name: str) -> Any:
 SLOW_KINDS = (
     *("animal_in_carved_cage", "cantilever_test", "catenary", "drape", "lever_in_tetwild_cage"),
     *("double_weave", "handweaving", "overhang", "swing", "tablecloth", "yarn_tension"),
-    *("capstan", "drop", "fold", "helicoid", "yarn_to_cloth"),
+    *("capstan", "drop", "fold", "helicoid", "seed_stitch", "yarn_to_cloth"),
 )
 #: Slow scenes of kinds that have a faster one.
 SLOW_SCENES = ("arm", "curtain", "curtain_on_rod")
@@ -115,9 +115,9 @@ def test_object_shows_its_texture(open_scene: Any, tmp_path: Path) -> None:
     assert window.view.scene_view.surface.GetTexture() is texture
 
 
-def test_draft_file_opens_as_a_scene(open_scene: Any) -> None:
-    # The weaver's tutorial draws it.
-    window = open_scene(str(library.folder() / "32-shaft_twill.wif"), wait=False)
+def test_draft_file_opens_as_a_scene(open_scene: Any, twill: Path) -> None:
+    draft = twill.with_suffix(".wif").rename(twill.with_name("draft.wif"))
+    window = open_scene(str(draft), wait=False)
     assert window.errors.text == ""
     assert window.document.file is None
     assert window.document.history.isClean()

@@ -216,14 +216,20 @@ def _data_elements(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
     pending = b""
     for part in _compress_arrays(arrays):
         pending += part
-        while len(pending) >= _ELEMENT_BYTES or (not part and pending):
-            text = base64.b64encode(pending[:_ELEMENT_BYTES])
+        while len(pending) >= _ELEMENT_BYTES:
+            yield _data_element(pending[:_ELEMENT_BYTES])
             pending = pending[_ELEMENT_BYTES:]
-            yield b'<script type="text/plain" class="data">' + text + b"</script>\n"
+    yield _data_element(pending)
+
+
+def _data_element(data: bytes) -> bytes:
+    """Return an element of the page with some of its data."""
+    text = base64.b64encode(data)
+    return b'<script type="text/plain" class="data">' + text + b"</script>\n"
 
 
 def _compress_arrays(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
-    """Yield "raw deflate" of all arrays, and finally an empty string."""
+    """Yield "raw deflate" of all arrays, in parts, of which some are empty."""
     # Each column is stored as differences from row to row: first the first bytes of all of them,
     # then the second bytes. Neighbouring values are similar, so equal bytes follow each other and
     # compress well.
@@ -239,7 +245,6 @@ def _compress_arrays(arrays: dict[str, NDArray[Any]]) -> Iterator[bytes]:
                 steps = np.diff(unsigned, axis=-1, prepend=unsigned.dtype.type(0))
                 yield packer.compress(steps.reshape(-1, 1).view(np.uint8)[:, byte].tobytes())
     yield packer.flush()
-    yield b""
 
 
 @finds_record(".html")

@@ -1,6 +1,7 @@
 """Compiled loops that fill the fronts of a factorisation, see `spacemap_vtk.parallel`.
 
-All dense blocks are stored column by column.
+All dense blocks are stored column by column, and passed transposed: a block of one column counts as
+stored row by row, and Numba would compile the loops once more for it.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ def fill_columns(
         for entry in range(starts[column], starts[column + 1]):
             row = rows[entry]
             if row < last:
-                pivot[row - first, column - first] = values[entry]
+                pivot[column - first, row - first] = values[entry]
             else:
-                side[place[row], column - first] = values[entry]
+                side[column - first, place[row]] = values[entry]
 
 
 @compile_function
@@ -46,9 +47,9 @@ def fill_rows(
         for entry in range(starts[row], starts[row + 1]):
             column = columns[entry]
             if column < last:
-                pivot[row - first, column - first] = values[entry]
+                pivot[column - first, row - first] = values[entry]
             else:
-                side[row - first, place[column]] = values[entry]
+                side[place[column], row - first] = values[entry]
 
 
 @compile_function
@@ -60,13 +61,13 @@ def add_triangle(
     for k in range(cut):
         column = at[k]
         for i in range(k, cut):
-            pivot[at[i], column] += update[i, k]
+            pivot[column, at[i]] += update[k, i]
         for i in range(cut, count):
-            side[at[i], column] += update[i, k]
+            side[column, at[i]] += update[k, i]
     for k in range(cut, count):
         column = at[k]
         for i in range(k, count):
-            rest[at[i], column] += update[i, k]
+            rest[column, at[i]] += update[k, i]
 
 
 @compile_function
@@ -84,15 +85,15 @@ def add_square(
     for k in range(cut):
         column = at[k]
         for i in range(cut):
-            pivot[at[i], column] += update[i, k]
+            pivot[column, at[i]] += update[k, i]
         for i in range(cut, count):
-            below[at[i], column] += update[i, k]
+            below[column, at[i]] += update[k, i]
     for k in range(cut, count):
         column = at[k]
         for i in range(cut):
-            right[at[i], column] += update[i, k]
+            right[column, at[i]] += update[k, i]
         for i in range(cut, count):
-            rest[at[i], column] += update[i, k]
+            rest[column, at[i]] += update[k, i]
 
 
 @compile_function

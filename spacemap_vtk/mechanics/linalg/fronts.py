@@ -138,13 +138,14 @@ class Analysis:
             place[first:last] = np.arange(wide)
             place[border] = np.arange(high)
             fill = _fill_columns if loops is None else loops.fill_columns
-            fill(*columns, first, last, place, pivot, side)
+            fill(*columns, first, last, place, pivot.T, side.T)
             for child in self.children[number]:
                 update, left[child] = left[child], None
                 where = self.borders[child]
                 assert update is not None
                 add = _add_triangle if loops is None else loops.add_triangle
-                add(update, place[where], int(np.searchsorted(where, last)), pivot, side, rest)
+                cut = int(np.searchsorted(where, last))
+                add(update.T, place[where], cut, pivot.T, side.T, rest.T)
             yield number, pivot, side, rest
 
 
@@ -163,8 +164,8 @@ def _fill_columns(
     row, value = rows[part], values[part]
     column = np.repeat(np.arange(last - first), np.diff(starts[first : last + 1]))
     inner = row < last
-    pivot[place[row[inner]], column[inner]] = value[inner]
-    side[place[row[~inner]], column[~inner]] = value[~inner]
+    pivot[column[inner], place[row[inner]]] = value[inner]
+    side[column[~inner], place[row[~inner]]] = value[~inner]
 
 
 def _add_triangle(
@@ -172,7 +173,7 @@ def _add_triangle(
 ) -> None:
     """Do what `front_loops.add_triangle` does; add the upper triangles as well."""
     _add_at(pivot, at[:cut], at[:cut], update[:cut, :cut])
-    _add_at(side, at[cut:], at[:cut], update[cut:, :cut])
+    _add_at(side, at[:cut], at[cut:], update[:cut, cut:])
     _add_at(rest, at[cut:], at[cut:], update[cut:, cut:])
 
 
@@ -183,8 +184,7 @@ def _add_at(block: Floats, rows: Ints, columns: Ints, values: Floats) -> None:
     if rows[-1] - rows[0] == len(rows) - 1 and columns[-1] - columns[0] == len(columns) - 1:
         block[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] += values
     else:
-        # Transposed, so that memory is accessed contiguously.
-        block.T[columns[:, None], rows] += values.T
+        block[rows[:, None], columns] += values
 
 
 def _list_ranges(starts: Ints, ends: Ints) -> Ints:

@@ -124,13 +124,15 @@ class SquareFactors:
             place[first:last] = np.arange(wide)
             place[border] = np.arange(high)
             pattern = lower.indptr, lower.indices
-            loops.fill_rows(*pattern, upper, first, last, place, pivot, right)
-            loops.fill_columns(*pattern, lower.data, first, last, place, pivot, below)
+            loops.fill_rows(*pattern, upper, first, last, place, pivot.T, right.T)
+            loops.fill_columns(*pattern, lower.data, first, last, place, pivot.T, below.T)
             for child in analysis.children[number]:
                 update, left[child] = left[child], None
+                assert update is not None
                 where = analysis.borders[child]
                 cut = int(np.searchsorted(where, last))
-                loops.add_square(update, place[where], cut, pivot, below, right, rest)
+                blocks = pivot.T, below.T, right.T, rest.T
+                loops.add_square(update.T, place[where], cut, *blocks)
             factors, swaps, failed = lapack.dgetrf(pivot, overwrite_a=1)
             if failed:
                 raise SolverError("the matrix is singular")
