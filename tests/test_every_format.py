@@ -55,7 +55,7 @@ REPEATED = {".png", ".glb", ".html", ".vtp", ".vtu", ".obj", ".usdc", ".pvd", ".
 #: Kind of job for each kind of drawn output.
 DRAWN = {
     **{"picture": "picture", "film": "film", "frames": "film"},
-    **{"plot": "plot", "pages": "print"},
+    **{"plot": "plot", "pages": "print", "unit_cell": "unit_cell"},
 }
 
 
@@ -150,7 +150,7 @@ def page_points(file: Path) -> Any:
     text = file.read_text("utf-8")
     content = json.loads(text.partition('id="content">')[2].partition("<")[0])
     parts = re.findall(r'class="data">(.*?)<', text)
-    data = zlib.decompress(base64.b64decode("".join(parts)), -zlib.MAX_WBITS)
+    data = zlib.decompress(b"".join(map(base64.b64decode, parts)), -zlib.MAX_WBITS)
     first = content["arrays"][0]
     (count, columns), width = first["shape"], int(first["kind"][1:])
     planes = np.frombuffer(data, np.uint8, count * columns * width).reshape(width, -1)
@@ -212,6 +212,9 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     ("plot", ".svg"): drawing_size,
     ("plot", ".pdf"): page_size,
     ("pages", ".pdf"): page_size,
+    **{("unit_cell", ending): lambda file: pv.read(file).points for ending in (".vti", ".vtu")},
+    # The last three nodes drive the strains.
+    ("unit_cell", ".inp"): lambda file: meshio.read(file, "abaqus").points[:-3],
 }
 
 
@@ -220,6 +223,11 @@ def expected_content(kind: str, job: Job) -> Any:
     scene = Scene(VALUES)
     if job.kind == "draft":
         return ["10", "01"]
+    if kind == "unit_cell":
+        weave = Scene(VALUES).source.cloth
+        width, depth = (2 * family.spacing for family in weave.families)
+        scene.update(0.0)
+        return [0.0, width, 0.0, depth, 0.0, float(np.ptp(points_of(scene.patches)[:, 2]))]
     if kind:
         return (32, 24) if job.output.suffix == ".gif" else (64, 48)
     first = job.kind == "moving"
@@ -257,7 +265,7 @@ def read_foreign_record(file: Path) -> str:
     if ending == ".mp4":
         words = [get_ffmpeg_exe(), "-hide_banner", "-i", str(file)]
         return subprocess.run(words, capture_output=True, text=True).stderr
-    if ending in (".vtp", ".vtu"):
+    if ending in (".vti", ".vtp", ".vtu"):
         return bytes(pv.read(file).field_data[NAME]).decode()
     if ending in (".usda", ".usdc"):
         sdf = pytest.importorskip("pxr.Sdf")

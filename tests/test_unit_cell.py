@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from spacemap_vtk import UnitCell, WeaveSource, connect
 from spacemap_vtk.cli.main import main
+from spacemap_vtk.cli.options import open_scene
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.formats.unit_cell import STRAIN
+from spacemap_vtk.scenes.composite import directional_moduli, unit_cell_model
 from spacemap_vtk.unit_cell.homogenise import homogenise, homogenise_plate
 from spacemap_vtk.unit_cell.mixtures import (
     UPPER,
@@ -23,7 +29,7 @@ from spacemap_vtk.unit_cell.mixtures import (
     mori_tanaka,
     turn_stiffness,
 )
-from spacemap_vtk.unit_cell.phases import assign_materials
+from spacemap_vtk.unit_cell.phases import assign_materials, mix_none
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise
 from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity, symmetric
 
@@ -144,7 +150,7 @@ def test_a_sphere_of_equal_shear_modulus_has_the_exact_bulk_modulus() -> None:
     none = np.broadcast_to([1.0, 0.0, 0.0], (*share.shape, 3))
     number = np.where(share > 0, 0, -1).astype(np.int32)
     voxels = Voxels(share, number, none, np.ones_like(share), 0.0)
-    made = assign_materials(voxels, np.ones(3), lambda *_: phases[0], phases[1], np.float64)
+    made = assign_materials(voxels, np.ones(3), lambda _: phases[0], phases[1], np.float64)
     found = homogenise(made, np.ones(3))[0].stiffness
     bulk = found[:3, :3].mean()
     mean = share.mean() / (bulks[0] + 4 * shear / 3) + (1 - share.mean()) / (
@@ -172,7 +178,7 @@ def test_a_square_array_of_fibres_has_the_shear_modulus_by_rayleigh() -> None:
     spacing = 1 / np.array(shape)
     voxels = rasterise(points * shape, tangents, np.ones(points.shape[:3]), [0], shape)
     assert abs(voxels.fraction.mean() / share - 1) < 1e-3
-    made = assign_materials(voxels, spacing, lambda *_: fibre, matrix)
+    made = assign_materials(voxels, spacing, lambda _: fibre, matrix)
     constants, _ = homogenise(made, spacing)
     t = (1 + contrast) / (1 - contrast)
     exact = 1 - 2 * share / (
@@ -198,7 +204,7 @@ def test_a_plate_of_layers_bends_as_laminate_theory_says() -> None:
     number = np.where(share > 0, 0, -1).astype(np.int32)
     voxels = Voxels(share, number, axis, np.ones_like(share), 0.0)
     spacing = np.array([1e-3, 1e-3, height / depth])
-    made = assign_materials(voxels, spacing, lambda *_: first, second, np.float64)
+    made = assign_materials(voxels, spacing, lambda _: first, second, np.float64)
     plate = homogenise_plate(made, spacing, tolerance=1e-6)
     stiff, soft = (e / (1 - 0.09) for e in (70e9, 7e9))
     exact = [
@@ -269,10 +275,64 @@ def test_constants_are_printed_with_their_errors(
     assert 0.6 < 12 * bending / 5e-4**2 / membrane < 0.85
 
 
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+def test_calculix_finds_the_same_stiffness_from_the_deck(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A fibre whose shear moduli differ, so that axes and moduli may not be swapped.
+    words = ["unit_cell.voxels=8", "unit_cell.fibre=carbon_t300"]
+    sets = [word for one in words for word in ("--set", one)]
+    with pytest.raises(SystemExit) as end:
+        main(["unit-cell", "plain_weave", *sets, "-o", str(tmp_path / "cell.inp"), "-q"])
+    assert end.value.code == 0
+    done = subprocess.run(["ccx", "cell"], cwd=tmp_path, capture_output=True, check=True)
+    assert b"Job finished" in done.stdout
+    steps = (tmp_path / "cell.dat").read_text().split("stresses")[1:]
+    rows = [[line.split()[2:8] for line in step.splitlines()[2:] if line.strip()] for step in steps]
+    printed = np.array(rows, float).mean(axis=1) / STRAIN
+    model = unit_cell_model(open_scene("plain_weave", words))
+    exact = homogenise(mix_none(model), model.spacing, 8, 1e-6)[0].stiffness
+    # CalculiX prints xx, yy, zz, xy, xz, yz, with seven digits.
+    found = printed[:, [0, 1, 2, 5, 4, 3]]
+    np.testing.assert_allclose(found, exact, rtol=0, atol=2e-7 * exact.max())
+
+
+def test_a_file_has_the_fields_under_unit_strains(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "cell.vti"
+    words = ["plain_weave", "--voxels", "16", "--fields"]
+    with pytest.raises(SystemExit) as end:
+        main(["unit-cell", *words, "-o", str(file)])
+    assert end.value.code == 0
+    assert "xx yarns" in capsys.readouterr().out
+    cell = pv.read(file)
+    assert cell.cell_data["stress_xy"].shape == (16 * 16 * 8, 6)
+    np.testing.assert_allclose(cell.cell_data["strain_xy"].mean(axis=0), np.eye(6)[5], atol=1e-5)
+    # Stresses do work on strains as the mean stress does on the mean strain (Hill and Mandel).
+    stress, strain = (cell.cell_data[f"{name}_xx"].astype(float) for name in ("stress", "strain"))
+    energy = np.einsum("ni,ni->n", stress, strain).mean()
+    assert energy == pytest.approx(stress.mean(axis=0)[0], rel=1e-4)
+
+
+def test_moduli_are_plotted_over_the_direction(tmp_path: Path) -> None:
+    compliance = YARN.stiffness
+    angle, modulus = directional_moduli(np.linalg.inv(compliance), 5)
+    np.testing.assert_allclose(angle[:2], [0, np.pi / 2])
+    expected = [YARN.axial_modulus, YARN.transverse_modulus]
+    np.testing.assert_allclose(modulus[:2], expected)
+    file = tmp_path / "moduli.svg"
+    with pytest.raises(SystemExit) as end:
+        main(["constants", "plain_weave", "--voxels", "16", "-o", str(file), "-q"])
+    assert end.value.code == 0
+    assert b"<svg" in file.read_bytes()
+
+
 def test_what_has_no_unit_cell_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     for words, text in (
         (["animal_in_carved_cage"], "has none"),
         (["plain_weave", "--fibre", "wool"], "unit_cell.fibre"),
+        (["plain_weave", "-o", "a.vti"], "a.vti"),
         (
             ["plain_weave", "--set", "unit_cell.layers=2", "--set", "unit_cell.nesting=1mm"],
             "nesting",

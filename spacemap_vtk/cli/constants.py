@@ -1,7 +1,8 @@
-"""The command ``constants``: the elastic constants of a composite with a textile in it."""
+"""The commands ``constants`` and ``unit-cell``: composites with a textile in them."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -11,14 +12,20 @@ from spacemap_vtk.cli.options import (
     Quiet,
     SceneName,
     Set,
+    name_options,
     number_table,
     open_scene,
+    output_option,
     print_json,
     print_plain,
     print_warnings,
     progress,
+    run_job,
 )
 from spacemap_vtk.filters.unit_cell import UnitCell
+from spacemap_vtk.io.registry import describe_writers
+from spacemap_vtk.jobs import ConstantsJob, UnitCellJob
+from spacemap_vtk.jobs.unit_cell import SOLVERS
 
 if TYPE_CHECKING:
     from spacemap_vtk.ndarrays import Floats
@@ -46,6 +53,13 @@ def constants(
     matrix: Annotated[str | None, _option("matrix")] = None,
     packing: Annotated[str | None, _option("packing")] = None,
     voxels: Annotated[str | None, _option("voxels")] = None,
+    output: Annotated[
+        Path | None,
+        output_option(
+            "Write Young's modulus in all directions of the plane instead: a polar plot as "
+            f"{describe_writers('plot')}, or a table as .csv."
+        ),
+    ] = None,
     plate: Annotated[
         bool, Parameter(help="Compute A, B and D of the cell as a plate, too.", negative=())
     ] = False,
@@ -65,11 +79,19 @@ def constants(
 
         spacemap constants twill_2_2 --fibre carbon_t300 --packing 0.6
         spacemap constants plain_weave --plate --json
+        spacemap constants twill_2_2 -o moduli.svg
         spacemap constants draft.wif --set unit_cell.matrix_modulus=3GPa --set unit_cell.layers=2
     """
+    job = None
+    if output is not None:
+        with name_options():
+            job = ConstantsJob(output)
     given = {"fibre": fibre, "matrix": matrix, "packing": packing, "voxels": voxels}
     own = [f"unit_cell.{name}={value}" for name, value in given.items() if value is not None]
     chosen = open_scene(scene, (*own, *set_))
+    if job is not None:
+        run_job(job, chosen, "Computing", quiet)
+        return
     from spacemap_vtk.scenes.composite import composite_as_json, compute_constants
 
     with progress(chosen, "Computing", quiet) as report_progress:
@@ -82,6 +104,46 @@ def constants(
     print_plain(chosen.title)
     _print(found)
     print_warnings(chosen, quiet)
+
+
+def unit_cell(
+    scene: SceneName,
+    /,
+    *,
+    output: Annotated[Path, output_option(f"File of the voxels: {describe_writers('unit_cell')}.")],
+    fibre: Annotated[str | None, _option("fibre")] = None,
+    matrix: Annotated[str | None, _option("matrix")] = None,
+    packing: Annotated[str | None, _option("packing")] = None,
+    voxels: Annotated[str | None, _option("voxels")] = None,
+    solver: Annotated[
+        str, Parameter(help=f"Solver that a deck is for: {' or '.join(SOLVERS)}.")
+    ] = SOLVERS[0],
+    fields: Annotated[
+        bool,
+        Parameter(
+            help="Write the stresses and strains under six unit strains, too, and print the "
+            "largest equivalent stress in yarns and matrix.",
+            negative=(),
+        ),
+    ] = False,
+    set_: Set = (),
+    quiet: Quiet = False,
+) -> None:
+    """Write one repeat of a textile in a matrix as voxels, or as a deck of a solver.
+
+    Each voxel has the share of yarn (fraction), the number of the yarn, the direction of its fibres
+    and their share of the yarn (packing). A deck (.inp) has periodic boundary conditions, the axes
+    of the fibres, and six steps of unit strains; its head says how to read the stiffness. It gives
+    each voxel the material of the larger share, where `spacemap constants` mixes both. For example:
+
+        spacemap unit-cell plain_weave -o cell.vti
+        spacemap unit-cell twill_2_2 --voxels 32 --fibre carbon_t300 -o cell.inp && ccx cell
+    """
+    with name_options():
+        job = UnitCellJob(output, solver, fields)
+    given = {"fibre": fibre, "matrix": matrix, "packing": packing, "voxels": voxels}
+    own = [f"unit_cell.{name}={value}" for name, value in given.items() if value is not None]
+    run_job(job, open_scene(scene, (*own, *set_)), "Filling voxels", quiet)
 
 
 def _print(found: Composite) -> None:

@@ -84,6 +84,10 @@ COMMANDS = {
         "constants:constants",
         "Compute the elastic constants of a composite with a textile in it.",
     ),
+    "unit-cell": (
+        "constants:unit_cell",
+        "Write one repeat of a textile in a matrix as voxels, or as a deck of a solver.",
+    ),
     "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
     "info": (
         "reports:info",

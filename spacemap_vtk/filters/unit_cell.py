@@ -12,8 +12,9 @@ from vtkmodules.vtkCommonDataModel import (
     vtkUnstructuredGrid,
 )
 
-from spacemap_vtk.datasets.arrays import add_array, array_of, cells_of, points_of
+from spacemap_vtk.datasets.arrays import array_of, cells_of, points_of
 from spacemap_vtk.datasets.cloth_data import CORNER, REPEAT
+from spacemap_vtk.datasets.voxel_image import fill_image
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.memory import require_memory
@@ -21,7 +22,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
 from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
 from spacemap_vtk.unit_cell.mixtures import YARN_RULES, Constituent
-from spacemap_vtk.unit_cell.phases import Phases, assign_materials
+from spacemap_vtk.unit_cell.phases import Phases, UnitCellModel, assign_materials
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise, stack
 from spacemap_vtk.unit_cell.surfaces import YarnSurfaces, sample_surfaces
 
@@ -132,16 +133,7 @@ class UnitCell(Stage):
         cell = make_unit_cell(self, inputs[0], self.voxels)
         if cell[0].overlap > _OVERLAP:
             self.warn(describe_overlap(cell[0].overlap))
-        depth, rows, width = cell[0].fraction.shape
-        output.SetDimensions(width + 1, rows + 1, depth + 1)
-        output.SetSpacing(*cell[1])
-        data = output.GetCellData()
-        voxels = cell[0]
-        add_array(data, "fraction", voxels.fraction.ravel().astype(np.float32))
-        add_array(data, "yarn", voxels.yarn.ravel())
-        add_array(data, "direction", voxels.direction.reshape(-1, 3).astype(np.float32))
-        packing = np.where(voxels.yarn >= 0, self.packing / voxels.area, 0.0)
-        add_array(data, "packing", packing.ravel().astype(np.float32))
+        fill_image(output, *cell, self.packing)
 
     @property
     def fibre_material(self) -> Constituent:
@@ -194,12 +186,14 @@ class UnitCell(Stage):
 
     def phases(self, voxels: Voxels, spacing: Floats) -> Phases:
         """Return the material of each voxel."""
-        known: dict[float, Constituent] = {}
+        return assign_materials(voxels, spacing, self.yarn_material, self.matrix_material)
 
-        def material(_: int, area: float) -> Constituent:
-            return known.setdefault(area, self.yarn_material(area))
-
-        return assign_materials(voxels, spacing, material, self.matrix_material)
+    def model(self, title: str, patches: vtkUnstructuredGrid) -> UnitCellModel:
+        """Return voxels and materials for a file."""
+        voxels, spacing = make_unit_cell(self, patches, self.voxels)
+        return UnitCellModel(
+            title, voxels, spacing, self.yarn_material, self.matrix_material, self.packing
+        )
 
 
 def make_unit_cell(

@@ -59,6 +59,7 @@ DRAWN = {
     "film": "arrays of pixels, one after another, and their rate in 1/s",
     "frames": "as a film; the file has a number such as %04d in its name",
     "plot": "a matplotlib figure",
+    "unit_cell": "`unit_cell.phases.UnitCellModel`",
     "pages": "matplotlib figures, one after another",
 }
 #: How a user makes a file of a moving surface smaller.

@@ -15,10 +15,12 @@ from spacemap_vtk.jobs.plan import PlanJob
 from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob, ReactionsJob
 from spacemap_vtk.jobs.print_draft import PrintJob
 from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
+from spacemap_vtk.jobs.unit_cell import ConstantsJob, UnitCellJob
 
 __all__ = [
     "JOBS",
     "BiaxialJob",
+    "ConstantsJob",
     "Context",
     "DataJob",
     "FigureJob",
@@ -35,6 +37,7 @@ __all__ = [
     "ShapesJob",
     "StoryboardJob",
     "Times",
+    "UnitCellJob",
     "job_from_json",
     "make_data_job",
     "make_job",

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import Textile
@@ -17,7 +18,10 @@ from spacemap_vtk.unit_cell.homogenise import (
     PlateStiffness,
     homogenise,
     homogenise_plate,
+    von_mises,
 )
+from spacemap_vtk.unit_cell.phases import Phases, UnitCellModel, pure_voxels
+from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity
 
 #: Names of the components of stress and strain.
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
@@ -55,6 +59,58 @@ def find_unit_cell(scene: Scene) -> tuple[UnitCell, Any]:
     assert isinstance(stage, UnitCell)
     with scene.add_file_to_errors():
         return stage, source.around_repeat().update().output
+
+
+def unit_cell_model(
+    scene: Scene, fields: bool = False, progress: Progress | None = None
+) -> UnitCellModel:
+    """Return the voxels and materials of a scene's unit cell, for a file.
+
+    With `fields`, the stresses [Pa] and strains under unit mean strains are solved, too.
+    """
+    stage, patches = find_unit_cell(scene)
+    with scene.add_file_to_errors():
+        model = stage.model(scene.title, patches)
+        if not fields:
+            return model
+        phases = stage.phases(model.voxels, model.spacing)
+        found = local_fields(phases, model.spacing, progress)
+    return replace(model, fields=found)
+
+
+def local_fields(
+    phases: Phases, spacing: Floats, progress: Progress | None = None
+) -> dict[str, NDArray[Any]]:
+    """Return stresses [Pa], strains and equivalent stresses of the voxels under unit strains."""
+    elasticity = VoxelElasticity(phases.stiffness, spacing)
+    loads = np.eye(6)
+    response = elasticity.solve(loads, report_progress=progress)
+    made: dict[str, NDArray[Any]] = {}
+    for name, load, moved in zip(COMPONENTS, loads, response.displacements, strict=True):
+        strain, stress = elasticity.fields(moved, load)
+        made[f"von_mises_{name}"] = von_mises(stress).ravel()
+        made[f"stress_{name}"] = np.ascontiguousarray(stress.reshape(6, -1).T)
+        made[f"strain_{name}"] = np.ascontiguousarray(strain.reshape(6, -1).T)
+    return made
+
+
+def largest_stresses(model: UnitCellModel) -> list[tuple[str, str, float]]:
+    """Return load, constituent and largest equivalent stress [Pa] in it, for each load."""
+    found = []
+    for name in COMPONENTS:
+        size = model.fields[f"von_mises_{name}"].reshape(model.voxels.fraction.shape)
+        for constituent, inside in pure_voxels(model.voxels).items():
+            if inside.any():
+                found.append((name, constituent, float(size[inside].max())))
+    return found
+
+
+def directional_moduli(compliance: Floats, count: int = 361) -> tuple[Floats, Floats]:
+    """Compute Young's modulus in the plane over its angle from x: angles [rad] and moduli [Pa]."""
+    angle = np.linspace(0, 2 * np.pi, count)
+    c, s = np.cos(angle), np.sin(angle)
+    stress = np.stack([c**2, s**2, 0 * c, 0 * c, 0 * c, c * s])
+    return angle, 1 / np.einsum("in,ij,jn->n", stress, compliance, stress)
 
 
 def compute_constants(

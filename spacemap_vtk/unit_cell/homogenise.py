@@ -14,8 +14,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.unit_cell.phases import PURE, Phases
-from spacemap_vtk.unit_cell.rasterise import Voxels
+from spacemap_vtk.unit_cell.phases import Phases
 from spacemap_vtk.unit_cell.voxel_elasticity import Response, VoxelElasticity
 
 #: Empty layers of voxels above a plate: more change nothing.
@@ -76,7 +75,7 @@ def homogenise(
     spacing: Floats,
     points: int = 1,
     tolerance: float = 3e-3,
-    report_progress: Callable[[float], None] | None = None,
+    report_progress: Callable[[float], object] | None = None,
 ) -> tuple[Constants, Response]:
     """Compute the effective constants of a periodic cell.
 
@@ -117,7 +116,7 @@ def homogenise_plate(
     spacing: Floats,
     points: int = 1,
     tolerance: float = 3e-3,
-    report_progress: Callable[[float], None] | None = None,
+    report_progress: Callable[[float], object] | None = None,
 ) -> PlateStiffness:
     """Compute the stiffness of a cell as a plate; parameters are those of `homogenise`.
 
@@ -144,35 +143,6 @@ def homogenise_plate(
     # Within a layer of voxels the strain z κ varies by h κ, which one point does not see.
     flexural = total[3:, 3:] + total[:3, :3] * spacing[2] ** 2 / 12
     return PlateStiffness(total[:3, :3], total[:3, 3:], flexural)
-
-
-def constituent_stresses(
-    stress: NDArray[Any], voxels: Voxels
-) -> dict[str, tuple[float, NDArray[Any]]]:
-    """Find the largest von Mises stress in yarns and in the matrix, and its place.
-
-    Parameters
-    ----------
-    stress : ndarray, shape (6, nz, ny, nx)
-        Stress [Pa].
-    voxels : Voxels
-        Voxels that are pure in one of both count for it.
-
-    Returns
-    -------
-    dict
-        ``yarn`` and ``matrix``: the stress [Pa] and the voxel (z, y, x).
-    """
-    size = von_mises(stress)
-    made = {}
-    for name, inside in (
-        ("yarn", voxels.fraction > 1 - PURE),
-        ("matrix", voxels.fraction < PURE),
-    ):
-        if inside.any():
-            place = np.unravel_index(np.argmax(np.where(inside, size, -1)), size.shape)
-            made[name] = float(size[place]), np.array(place)
-    return made
 
 
 def von_mises(stress: NDArray[Any]) -> NDArray[Any]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,28 @@ from spacemap_vtk.unit_cell.mixtures import (
 from spacemap_vtk.unit_cell.rasterise import Voxels
 
 #: Shares of yarn nearer than this to 0 or 1 count as 0 or 1.
-PURE = 1e-6
+_PURE = 1e-6
 #: Step in which areas of sections are told apart, as a share of their mean.
 _AREA_STEP = 0.02
+
+
+@dataclass(frozen=True)
+class UnitCellModel:
+    """Voxels of a unit cell and their materials, for files."""
+
+    title: str
+    voxels: Voxels
+    spacing: Floats
+    """Size of a voxel [m], (3,)."""
+    yarn: Callable[[float], Constituent]
+    """Returns the material of yarns where the area of their section has a share of its mean."""
+    matrix: Constituent
+    packing: float
+    """Share of fibre in the yarns."""
+    solver: str = "calculix"
+    """Solver for which a deck is written: calculix or abaqus."""
+    fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    """Further arrays of the voxels, x fastest, (voxels,) or (voxels, components)."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +59,7 @@ class Phases:
 def assign_materials(
     voxels: Voxels,
     spacing: Floats,
-    yarn: Callable[[int, float], Constituent],
+    yarn: Callable[[float], Constituent],
     matrix: Constituent,
     dtype: type = np.float32,
 ) -> Phases:
@@ -53,7 +72,7 @@ def assign_materials(
     spacing : ndarray, shape (3,)
         Size of a voxel [m].
     yarn : callable
-        Returns the material of a yarn where the area of its section has a share of its mean.
+        Returns the material of yarns where the area of their section has a share of its mean.
     matrix : Constituent
         Material between the yarns.
     dtype : type
@@ -64,19 +83,14 @@ def assign_materials(
     base = np.concatenate([matrix.stiffness[UPPER], matrix.stiffness @ matrix.expansion])
     made: NDArray[Any] = np.repeat(base.astype(dtype)[:, None], flat.size, axis=1)
     density = np.full(flat.shape, float(matrix.density))
-    where = np.flatnonzero((flat > PURE) & (voxels.yarn.ravel() >= 0))
-    cut = np.flatnonzero(flat[where] < 1 - PURE)
+    where = np.flatnonzero((flat > _PURE) & (voxels.yarn.ravel() >= 0))
+    cut = np.flatnonzero(flat[where] < 1 - _PURE)
     axes: NDArray[Any] = voxels.direction.reshape(-1, 3)[where].astype(dtype)
     normal: NDArray[Any] = _normals(share, spacing)[where[cut]].astype(dtype)
-    # Voxels of one yarn with areas alike have one material.
-    steps = np.rint(voxels.area.ravel()[where] / _AREA_STEP).astype(np.int64)
-    kinds, kind = np.unique(
-        np.stack([voxels.yarn.ravel()[where], steps]), axis=1, return_inverse=True
-    )
-    made_of = [yarn(int(number), step * _AREA_STEP) for number, step in kinds.T.tolist()]
+    sections = round_areas(voxels.area.ravel()[where])
     turned: NDArray[Any] = np.empty((27, len(where)), dtype)
-    for material in dict.fromkeys(made_of):
-        own = np.array([one == material for one in made_of])[kind.ravel()]
+    for section in np.unique(sections):
+        material, own = yarn(float(section)), sections == section
         turned[:21, own] = turn_stiffness(material, axes[own])
         turned[21:, own] = turn_stress(material, axes[own])
         density[where[own]] += flat[where[own]] * (material.density - matrix.density)
@@ -90,6 +104,23 @@ def assign_materials(
         made[21:].reshape(6, depth, rows, width),
         float(density.mean()),
     )
+
+
+def round_areas(area: Floats) -> Floats:
+    """Round areas of sections, so that yarns have few materials."""
+    return np.rint(area / _AREA_STEP) * _AREA_STEP
+
+
+def pure_voxels(voxels: Voxels) -> dict[str, NDArray[np.bool_]]:
+    """Find the voxels that lie wholly in yarns, and those wholly in the matrix."""
+    return {"yarns": voxels.fraction > 1 - _PURE, "matrix": voxels.fraction < _PURE}
+
+
+def mix_none(model: UnitCellModel, dtype: type = np.float64) -> Phases:
+    """Give each voxel one material, that of the larger share, as in the decks of other solvers."""
+    pure = np.where(model.voxels.fraction >= 0.5, 1.0, 0.0)
+    voxels = replace(model.voxels, fraction=pure)
+    return assign_materials(voxels, model.spacing, model.yarn, model.matrix, dtype)
 
 
 def _normals(share: Floats, spacing: Floats) -> Floats:

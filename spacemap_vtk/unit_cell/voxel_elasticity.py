@@ -83,7 +83,7 @@ class VoxelElasticity:
         self,
         strains: Floats,
         tolerance: float = 3e-3,
-        report_progress: Callable[[float], None] | None = None,
+        report_progress: Callable[[float], object] | None = None,
     ) -> Response:
         """Solve for the periodic displacements under imposed strains.
 

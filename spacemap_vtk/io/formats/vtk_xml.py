@@ -73,7 +73,7 @@ def write_vtu(file: Path, data: vtkDataSet) -> None:
         append.AddInputData(data)
         append.Update()
         data = append.GetOutput()
-    _write_xml(file, vtkXMLUnstructuredGridWriter(), data)
+    write_xml(file, vtkXMLUnstructuredGridWriter(), data)
 
 
 @writes(".vtp", label="VTK XML", holds=("surface", "obstacles"))
@@ -81,7 +81,7 @@ def write_vtp(file: Path, data: vtkPolyData) -> None:
     """Write a surface."""
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-    _write_xml(file, vtkXMLPolyDataWriter(), data)
+    write_xml(file, vtkXMLPolyDataWriter(), data)
 
 
 @writes(".pvtp", label="VTK XML in pieces", holds=("surface",), pieces=True, require=check_folder)
@@ -147,7 +147,8 @@ def _array_descriptions(data: vtkDataSet) -> Iterator[str]:
 finds_record(".pvtp", ".pvtu")(find_record_in_comments)
 
 
-def _write_xml(file: Path, writer: Any, data: vtkDataSet) -> None:
+def write_xml(file: Path, writer: Any, data: vtkDataSet) -> None:
+    """Write a data set with one of VTK's writers, which makes a text in memory."""
     from spacemap_vtk.memory import require_memory
 
     require_memory(
@@ -179,8 +180,10 @@ def _estimate_text_bytes(data: vtkDataSet) -> int:
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    cells = data.GetPolys() if data.IsA("vtkPolyData") else data.GetCells()
-    arrays = [data.GetPoints().GetData(), cells.GetConnectivityArray(), cells.GetOffsetsArray()]
+    arrays = []
+    if not data.IsA("vtkImageData"):
+        cells = data.GetPolys() if data.IsA("vtkPolyData") else data.GetCells()
+        arrays = [data.GetPoints().GetData(), cells.GetConnectivityArray(), cells.GetOffsetsArray()]
     for table in (data.GetPointData(), data.GetCellData()):
         arrays += [table.GetArray(number) for number in range(table.GetNumberOfArrays())]
     size = 0.0
@@ -209,7 +212,7 @@ def _add_record(data: vtkDataSet) -> vtkDataSet:
     return copy
 
 
-@finds_record(".vtu", ".vtp")
+@finds_record(".vtu", ".vtp", ".vti")
 def find_record_in_xml(path: Path) -> str | None:
     """Find the record in the field data."""
     from vtkmodules.util.numpy_support import vtk_to_numpy

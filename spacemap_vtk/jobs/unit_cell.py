@@ -1,0 +1,97 @@
+"""Jobs of composites: the voxels of a unit cell, and its modulus in all directions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.output import check_output, format_csv, write_parts
+from spacemap_vtk.io.registry import writer_endings
+from spacemap_vtk.jobs.job import Context, Job, register
+
+#: Solvers for which decks are written.
+SOLVERS = ("calculix", "abaqus")
+#: Steps of the progress of one job.
+_STEPS = 100
+
+
+@register()
+@dataclass
+class UnitCellJob(Job):
+    """Voxels of one repeat of a textile in its matrix, or a deck for another solver."""
+
+    output: Path
+    #: One of `SOLVERS`, for a deck.
+    solver: str = SOLVERS[0]
+    #: Whether the stresses and strains under six unit strains are written.
+    fields: bool = False
+
+    kind = "unit_cell"
+    command = "unit-cell"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, writer_endings("unit_cell"))
+        is_deck = self.output.suffix.lower() == ".inp"
+        if self.solver not in SOLVERS:
+            raise InputError(
+                "there is no deck for this solver",
+                key="solver",
+                value=self.solver,
+                allowed=" or ".join(SOLVERS),
+            )
+        if self.fields and is_deck:
+            raise InputError(
+                "a deck holds no fields", key="fields", value=True, cure="Write a .vti or .vtu."
+            )
+
+    def write(self, context: Context) -> str:
+        """Fill the voxels and write them; returns the largest stresses."""
+        from spacemap_vtk.scenes.composite import largest_stresses, unit_cell_model
+
+        def report(share: float) -> None:
+            context.progress(round(_STEPS * share), _STEPS)
+
+        model = unit_cell_model(context.scene, self.fields, report)
+        self.write_output(context, "unit_cell", replace(model, solver=self.solver))
+        context.progress(_STEPS, _STEPS)
+        if not self.fields:
+            return ""
+        parts = [
+            f"{name} {part} {size / 1e9:.3g} GPa" for name, part, size in largest_stresses(model)
+        ]
+        return f"largest equivalent stress for a strain of 1: {', '.join(parts)}"
+
+
+@register()
+@dataclass
+class ConstantsJob(Job):
+    """Young's modulus of a composite in all directions of its plane, as a plot or .csv."""
+
+    output: Path
+
+    kind = "constants"
+    command = "constants"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, {**writer_endings("plot"), ".csv": "table"})
+
+    def write(self, context: Context) -> str:
+        """Compute the constants, and write the moduli."""
+        from spacemap_vtk.scenes.composite import compute_constants, directional_moduli
+
+        def report(share: float) -> None:
+            context.progress(round(_STEPS * share), _STEPS)
+
+        found = compute_constants(context.scene, False, report)
+        if self.output.suffix.lower() == ".csv":
+            rows = zip(*directional_moduli(found.constants.compliance), strict=True)
+            text = format_csv([("angle_rad", "youngs_modulus_Pa"), *rows])
+            with self.open_output(context.atomic) as file:
+                write_parts(file, [text.encode()])
+        else:
+            from spacemap_vtk.draw.figure.polar_plot import polar_plot
+
+            self.write_output(context, "plot", polar_plot(context.scene.title, found))
+        context.progress(_STEPS, _STEPS)
+        return ""
