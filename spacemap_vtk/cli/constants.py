@@ -137,7 +137,7 @@ def unit_cell(
     each voxel the material of the larger share, where `spacemap constants` mixes both. For example:
 
         spacemap unit-cell plain_weave -o cell.vti
-        spacemap unit-cell twill_2_2 --voxels 32 --fibre carbon_t300 -o cell.inp && ccx cell
+        spacemap unit-cell twill_2_2 --voxels 32 --fibre carbon_t300 -o cell.inp
     """
     with name_options():
         job = UnitCellJob(output, solver, fields)

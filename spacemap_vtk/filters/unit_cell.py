@@ -132,7 +132,7 @@ class UnitCell(Stage):
         """Fill the voxels."""
         cell = make_unit_cell(self, inputs[0], self.voxels)
         if cell[0].overlap > _OVERLAP:
-            self.warn(describe_overlap(cell[0].overlap))
+            self.warn(_describe_overlap(cell[0].overlap))
         fill_image(output, *cell, self.packing)
 
     @property
@@ -171,7 +171,7 @@ class UnitCell(Stage):
         )
         return Constituent.isotropic(*(own if one is None else one for one, own in given))
 
-    def yarn_material(self, area: float = 1.0) -> Constituent:
+    def _yarn_material(self, area: float = 1.0) -> Constituent:
         """Return the material of a yarn where its section has a share of its mean area."""
         packing = self.packing / area
         if packing > 1.0:
@@ -184,15 +184,41 @@ class UnitCell(Stage):
         rule = YARN_RULES[self.yarn_rule]
         return rule(self.fibre_material, self.matrix_material, packing)
 
-    def phases(self, voxels: Voxels, spacing: Floats) -> Phases:
-        """Return the material of each voxel."""
-        return assign_materials(voxels, spacing, self.yarn_material, self.matrix_material)
+    def assign(self, voxels: Voxels, spacing: Floats) -> Phases:
+        """Assign a material to each voxel.
+
+        Parameters
+        ----------
+        voxels : Voxels
+            Share, number and direction of yarns.
+        spacing : ndarray, shape (3,)
+            Size of a voxel [m].
+
+        Returns
+        -------
+        Phases
+            Materials of the voxels.
+        """
+        return assign_materials(voxels, spacing, self._yarn_material, self.matrix_material)
 
     def model(self, title: str, patches: vtkUnstructuredGrid) -> UnitCellModel:
-        """Return voxels and materials for a file."""
+        """Make voxels and materials for a file.
+
+        Parameters
+        ----------
+        title : str
+            Title of the scene.
+        patches : vtkUnstructuredGrid
+            Patches of a piece, with the field arrays of its repeat.
+
+        Returns
+        -------
+        UnitCellModel
+            Voxels and materials.
+        """
         voxels, spacing = make_unit_cell(self, patches, self.voxels)
         return UnitCellModel(
-            title, voxels, spacing, self.yarn_material, self.matrix_material, self.packing
+            title, voxels, spacing, self._yarn_material, self.matrix_material, self.packing
         )
 
 
@@ -268,7 +294,7 @@ def make_unit_cell(
     return stack(layer, levels, shifts, depth + depth % 2), spacing
 
 
-def describe_overlap(share: float) -> str:
+def _describe_overlap(share: float) -> str:
     """Describe yarns that lie inside each other."""
     return (
         f"{share:.1%} of the yarns' volume lies inside other yarns, so that there is less fibre in "

@@ -64,16 +64,13 @@ def find_unit_cell(scene: Scene) -> tuple[UnitCell, Any]:
 def unit_cell_model(
     scene: Scene, fields: bool = False, progress: Progress | None = None
 ) -> UnitCellModel:
-    """Return the voxels and materials of a scene's unit cell, for a file.
-
-    With `fields`, the stresses [Pa] and strains under unit mean strains are solved, too.
-    """
+    """Return voxels, materials and perhaps fields of a scene's unit cell, for a file."""
     stage, patches = find_unit_cell(scene)
     with scene.add_file_to_errors():
         model = stage.model(scene.title, patches)
         if not fields:
             return model
-        phases = stage.phases(model.voxels, model.spacing)
+        phases = stage.assign(model.voxels, model.spacing)
         found = local_fields(phases, model.spacing, progress)
     return replace(model, fields=found)
 
@@ -116,22 +113,7 @@ def directional_moduli(compliance: Floats, count: int = 361) -> tuple[Floats, Fl
 def compute_constants(
     scene: Scene, plate: bool = False, progress: Progress | None = None
 ) -> Composite:
-    """Compute the constants of a scene's unit cell, also on voxels twice as large.
-
-    Parameters
-    ----------
-    scene : Scene
-        A scene with a textile; its section [unit_cell] has the materials.
-    plate : bool
-        Whether the stiffness as a plate is computed, too.
-    progress : callable, optional
-        Called with the share that is done.
-
-    Raises
-    ------
-    SpacemapError
-        If the textile has no repeat, or the cell has no stiffness.
-    """
+    """Compute the constants of a scene's unit cell, also on voxels twice as large."""
     stage, patches = find_unit_cell(scene)
     parts = 4 if plate else 2
     done = 0
@@ -150,7 +132,7 @@ def compute_constants(
                 voxels, spacing = make_unit_cell(stage, patches, count)
             else:
                 size = spacing * voxels.fraction.shape[::-1]
-            phases = stage.phases(voxels, spacing)
+            phases = stage.assign(voxels, spacing)
             made.append(homogenise(phases, spacing, report_progress=report)[0])
             done += 1
             if plate:

@@ -118,7 +118,30 @@ def homogenise_plate(
     tolerance: float = 3e-3,
     report_progress: Callable[[float], object] | None = None,
 ) -> PlateStiffness:
-    """Compute the stiffness of a cell as a plate; parameters are those of `homogenise`.
+    """Compute the stiffness of a cell as a plate.
+
+    Parameters
+    ----------
+    phases : Phases
+        Materials of the voxels.
+    spacing : ndarray, shape (3,)
+        Size of a voxel [m].
+    points : {1, 8}
+        Integration points of a voxel.
+    tolerance : float
+        See `VoxelElasticity.solve`.
+    report_progress : callable, optional
+        Called with the share of loads that are solved.
+
+    Returns
+    -------
+    PlateStiffness
+        A, B and D.
+
+    Raises
+    ------
+    SolverError
+        If a load does not converge.
 
     Notes
     -----
@@ -146,7 +169,18 @@ def homogenise_plate(
 
 
 def von_mises(stress: NDArray[Any]) -> NDArray[Any]:
-    """Compute the equivalent stress by von Mises [Pa] of stresses (6, …)."""
+    """Compute the equivalent stress by von Mises.
+
+    Parameters
+    ----------
+    stress : ndarray, shape (6, ...)
+        Stress [Pa].
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Equivalent stress [Pa].
+    """
     x, y, z, yz, xz, xy = stress
     shear: NDArray[Any] = np.sqrt(
         0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * (yz**2 + xz**2 + xy**2)

@@ -99,25 +99,9 @@ class Constituent:
 
 
 def chamis(fibre: Constituent, matrix: Constituent, packing: float) -> Constituent:
-    """Estimate the constants of parallel fibres in an isotropic matrix.
-
-    Parameters
-    ----------
-    fibre, matrix : Constituent
-        Materials.
-    packing : float
-        Share of fibre in the yarn.
-
-    Returns
-    -------
-    Constituent
-        Material of the yarn.
-
-    Notes
-    -----
-    C. C. Chamis, "Simplified composite micromechanics equations for hygral, thermal and mechanical
-    properties", NASA TM-83320 (1983).
-    """
+    """Estimate the constants of parallel fibres in an isotropic matrix by Chamis."""
+    # C. C. Chamis, "Simplified composite micromechanics equations for hygral, thermal and
+    # mechanical properties", NASA TM-83320 (1983).
     root = packing**0.5
     em, nu = matrix.axial_modulus, matrix.axial_poisson
     gm = matrix.axial_shear
@@ -146,17 +130,10 @@ def chamis(fibre: Constituent, matrix: Constituent, packing: float) -> Constitue
 
 
 def mori_tanaka(fibre: Constituent, matrix: Constituent, packing: float) -> Constituent:
-    """Estimate the constants of parallel fibres in an isotropic matrix by Mori and Tanaka.
-
-    Parameters and result are those of `chamis`.
-
-    Notes
-    -----
-    T. Mori and K. Tanaka, Acta Metall. 21 (1973) 571, in the form of Y. Benveniste, Mech. Mater. 6
-    (1987) 147, eq. 14a; Eshelby's tensor of an infinite cylinder: T. Mura, "Micromechanics of
-    Defects in Solids", eq. 11.22. Thermal expansion by V. M. Levin's relation, which is exact for
-    two phases.
-    """
+    """Estimate the constants of parallel fibres in an isotropic matrix by Mori and Tanaka."""
+    # T. Mori and K. Tanaka, Acta Metall. 21 (1973) 571, in the form of Y. Benveniste, Mech. Mater.
+    # 6 (1987) 147, eq. 14a; Eshelby's tensor of an infinite cylinder: T. Mura, "Micromechanics of
+    # Defects in Solids", eq. 11.22. Thermal expansion by V. M. Levin's relation, which is exact.
     nu = matrix.axial_poisson
     eshelby = np.zeros((6, 6))
     factor = 1 / (2 * (1 - nu))
@@ -193,25 +170,9 @@ YARN_RULES = {"chamis": chamis, "mori_tanaka": mori_tanaka}
 
 
 def turn_stiffness(material: Constituent, directions: Floats) -> NDArray[Any]:
-    """Turn the stiffness of a material into directions of its axis.
-
-    Parameters
-    ----------
-    material : Constituent
-        Material.
-    directions : ndarray, shape (n, 3)
-        Unit vectors.
-
-    Returns
-    -------
-    ndarray, shape (21, n)
-        Upper triangles of the stiffnesses [Pa], in the precision of the directions.
-
-    Notes
-    -----
-    A. J. M. Spencer, "Continuum Theory of the Mechanics of Fibre-Reinforced
-    Composites" (1984), eq. 25.
-    """
+    """Turn the stiffness of a material into axes (n, 3): upper triangles (21, n) [Pa]."""
+    # A. J. M. Spencer, "Continuum Theory of the Mechanics of Fibre-Reinforced Composites" (1984),
+    # eq. 25.
     c = material.stiffness
     lame, across, along = c[1, 2], c[3, 3], c[5, 5]
     mixed = c[0, 1] - lame
@@ -262,28 +223,12 @@ def turn_stress(material: Constituent, directions: Floats) -> NDArray[Any]:
 def mix_layers(
     first: NDArray[Any], second: NDArray[Any], share: Floats, normal: Floats
 ) -> NDArray[Any]:
-    """Mix two materials in thin layers, exactly.
-
-    Parameters
-    ----------
-    first, second : ndarray, shape (k, n)
-        Upper triangles of the stiffnesses [Pa], 21 rows; with the thermal stress [Pa/K], 27 rows.
-    share : ndarray, shape (n,)
-        Share of the first material.
-    normal : ndarray, shape (n, 3)
-        Unit normals of the layers.
-
-    Returns
-    -------
-    ndarray, shape (k, n)
-        The same of the mixture.
-
-    Notes
-    -----
-    G. E. Backus, J. Geophys. Res. 67 (1962) 4427; in this form G. W. Milton, "The Theory of
-    Composites" (2002), section 9.5. The strains of the layers differ by sym(a ⊗ n); the vector a
-    follows from equal tractions.
-    """
+    """Mix two materials in thin layers, exactly."""
+    # `first` and `second` are upper triangles of stiffnesses [Pa], 21 rows, or 27 with the thermal
+    # stress [Pa/K]; (k, n). `share` (n,) is that of the first; `normal` (n, 3) that of the layers.
+    # G. E. Backus, J. Geophys. Res. 67 (1962) 4427; in this form G. W. Milton, "The Theory of
+    # Composites" (2002), section 9.5. The strains of the layers differ by sym(a ⊗ n); the vector a
+    # follows from equal tractions.
     made = share * first + (1 - share) * second
     for start in range(0, len(share), _BLOCK):
         part = slice(start, start + _BLOCK)

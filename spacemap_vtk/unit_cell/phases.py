@@ -77,6 +77,11 @@ def assign_materials(
         Material between the yarns.
     dtype : type
         Precision.
+
+    Returns
+    -------
+    Phases
+        Materials of the voxels.
     """
     share = voxels.fraction
     flat = share.ravel()
@@ -107,12 +112,34 @@ def assign_materials(
 
 
 def round_areas(area: Floats) -> Floats:
-    """Round areas of sections, so that yarns have few materials."""
+    """Round areas of sections, so that yarns have few materials.
+
+    Parameters
+    ----------
+    area : ndarray
+        Areas over their mean.
+
+    Returns
+    -------
+    ndarray
+        Rounded areas.
+    """
     return np.rint(area / _AREA_STEP) * _AREA_STEP
 
 
 def pure_voxels(voxels: Voxels) -> dict[str, NDArray[np.bool_]]:
-    """Find the voxels that lie wholly in yarns, and those wholly in the matrix."""
+    """Find the voxels that lie wholly in yarns, and those wholly in the matrix.
+
+    Parameters
+    ----------
+    voxels : Voxels
+        Share of yarn.
+
+    Returns
+    -------
+    dict
+        ``yarns`` and ``matrix``: bool, (nz, ny, nx).
+    """
     return {"yarns": voxels.fraction > 1 - _PURE, "matrix": voxels.fraction < _PURE}
 
 

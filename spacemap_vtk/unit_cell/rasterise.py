@@ -65,6 +65,11 @@ def rasterise(
     lines : int
         Lines along each side of a voxel.
 
+    Returns
+    -------
+    Voxels
+        Share, number and direction of yarns.
+
     Raises
     ------
     GeometryError
@@ -268,6 +273,11 @@ def stack(layer: Voxels, heights: list[int], shifts: list[tuple[int, int]], dept
         Voxels along x and y by which each copy is moved; what leaves the cell comes back.
     depth : int
         Levels of voxels of the result.
+
+    Returns
+    -------
+    Voxels
+        All copies together.
     """
     rows, width = layer.fraction.shape[1:]
     total = np.zeros((depth, rows, width))

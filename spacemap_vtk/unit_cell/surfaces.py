@@ -46,6 +46,11 @@ def sample_surfaces(
         Rational weights.
     yarn : ndarray of int, shape (P,)
         Yarn of each patch.
+
+    Returns
+    -------
+    YarnSurfaces
+        Points, tangents and areas of sections.
     """
     net: Ints = np.asarray(patches, np.int64)[:, quadrilateral_order(3, 3)].reshape(-1, 4, 4)
     starts, counts = _find_rings(net)

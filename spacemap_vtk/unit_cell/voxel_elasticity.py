@@ -97,6 +97,11 @@ class VoxelElasticity:
         report_progress : callable, optional
             Called with the share of loads that are solved.
 
+        Returns
+        -------
+        Response
+            Displacements and energies.
+
         Raises
         ------
         SolverError
@@ -115,7 +120,7 @@ class VoxelElasticity:
 
         def solve_load() -> Callable[[int], None]:
             def solve_one(load: int) -> None:
-                forces[load] = -self.apply(moved[load], loads[load])
+                forces[load] = -self._apply(moved[load], loads[load])
                 left[load] = forces[load]
                 energy = np.einsum("zi,zij,zj", loads[load], self._layers, loads[load])
                 steps[load] = self._minimise(moved[load], left[load], tolerance, energy)
@@ -128,7 +133,7 @@ class VoxelElasticity:
         for_each(list(range(count)), solve_load)
         return Response(moved, self._energies(loads, moved, forces, left), steps)
 
-    def apply(self, moved: Reals, strain: Reals) -> Reals:
+    def _apply(self, moved: Reals, strain: Reals) -> Reals:
         """Compute the nodal forces per volume of a voxel [Pa/m], (3, nz, ny, nx)."""
         out = np.zeros_like(moved)
         if self._loops is None:
@@ -146,15 +151,40 @@ class VoxelElasticity:
         return out
 
     def fields(self, moved: Reals, strain: Floats) -> tuple[Reals, Reals]:
-        """Compute the mean strain and stress of each voxel, (6, nz, ny, nx) each."""
+        """Compute the mean strain and stress of each voxel.
+
+        Parameters
+        ----------
+        moved : ndarray, shape (3, nz, ny, nx)
+            Periodic part of the displacement [m].
+        strain : ndarray, shape (6,)
+            Imposed strain.
+
+        Returns
+        -------
+        tuple of ndarray, shape (6, nz, ny, nx)
+            Strain, and stress [Pa].
+        """
         imposed = np.broadcast_to(np.asarray(strain, self._number), (self._shape[0], 6))
         strains = self._strains(moved, imposed, (0.5, 0.5, 0.5))
         return strains, self._stresses(strains)
 
     def mean_power(self, moved: Reals, strains: Floats, stress: Reals) -> Floats:
-        """Compute the mean of a given stress field times the strain of each load, (loads,).
+        """Compute the mean of a given stress field times the strain of each load.
 
-        `stress` has the shape (6, nz, ny, nx); `moved` and `strains` are those of `solve`.
+        Parameters
+        ----------
+        moved : ndarray, shape (loads, 3, nz, ny, nx)
+            Periodic part of the displacement of each load [m].
+        strains : ndarray, shape (loads, 6) or (loads, nz, 6)
+            Imposed strains.
+        stress : ndarray, shape (6, nz, ny, nx)
+            The stress field [Pa].
+
+        Returns
+        -------
+        ndarray, shape (loads,)
+            Mean power [Pa].
         """
         forces = np.zeros((3, *self._shape), self._number)
         self._add_divergence(stress, (0.5, 0.5, 0.5), forces)
@@ -180,7 +210,7 @@ class VoxelElasticity:
             if now <= goal:
                 return step
             token.check()
-            image = self.apply(direction, still)
+            image = self._apply(direction, still)
             length = self._number(now / _dot(direction, image))
             moved += length * direction
             left -= length * image

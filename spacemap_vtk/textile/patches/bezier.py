@@ -16,7 +16,20 @@ from spacemap_vtk.ndarrays import Floats, Ints
 
 
 def bernstein(degree: int, t: ArrayLike) -> Floats:
-    """Evaluate the Bernstein polynomials of a degree."""
+    """Evaluate the Bernstein polynomials of a degree.
+
+    Parameters
+    ----------
+    degree : int
+        Degree.
+    t : array_like, shape (n,)
+        Parameters from 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (n, degree + 1)
+        Values.
+    """
     values = np.asarray(t, dtype=np.float64).reshape(-1, 1)
     power = np.arange(degree + 1)
     binomial = np.array([comb(degree, i) for i in range(degree + 1)], dtype=np.float64)
@@ -24,7 +37,20 @@ def bernstein(degree: int, t: ArrayLike) -> Floats:
 
 
 def bernstein_derivative(degree: int, t: ArrayLike) -> Floats:
-    """Evaluate the first derivatives of the Bernstein polynomials of a degree."""
+    """Evaluate the first derivatives of the Bernstein polynomials of a degree.
+
+    Parameters
+    ----------
+    degree : int
+        Degree.
+    t : array_like, shape (n,)
+        Parameters from 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (n, degree + 1)
+        Derivatives.
+    """
     lower = degree * bernstein(degree - 1, t)
     result = np.zeros((len(lower), degree + 1))
     result[:, 1:] = lower
