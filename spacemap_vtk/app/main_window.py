@@ -26,6 +26,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.documents.files import FileCommands
+from spacemap_vtk.app.draft.chart_tab import ChartTab, is_knit
 from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.error_bar import ErrorBar
@@ -106,6 +107,10 @@ class MainWindow(QMainWindow):
         self.tabs.setUsesScrollButtons(False)
         self.tabs.setElideMode(Qt.TextElideMode.ElideRight)
         self.draft = DraftTab(self.document)
+        self.chart = ChartTab(self.document)
+        # Without an owner it would outlive the window while no knit is shown.
+        self.chart.setParent(self.tabs)
+        self.chart.hide()
         self.gallery = Gallery()
         self.plots = PlotsTab(self.document, self.engine)
         self.pull = PullTab(self.document)
@@ -331,13 +336,19 @@ class MainWindow(QMainWindow):
 
     def _connect_errors(self) -> None:
         """Connect each kind of error to the signals that report it and that clear it."""
-        document, draft, plots = self.document, self.draft, self.plots
+        document, draft, chart, plots = self.document, self.draft, self.chart, self.plots
         for kind, error_signals, clear_signals in (
             ("run", [self.director.failed], []),  # until a frame is drawn
             (
                 "value",
-                [self.properties.refused, document.failed, draft.failed, self.menus.refused],
-                [self.properties.accepted, document.changed, draft.accepted],
+                [
+                    self.properties.refused,
+                    document.failed,
+                    draft.failed,
+                    chart.failed,
+                    self.menus.refused,
+                ],
+                [self.properties.accepted, document.changed, draft.accepted, chart.accepted],
             ),
             # A change shows that the user goes on without the file that could not be opened.
             ("open", [], [document.changed]),
@@ -448,10 +459,19 @@ class MainWindow(QMainWindow):
     def _show_view_settings(self) -> None:
         moves = self.document.scene.moves
         self.tabs.setTabVisible(self.tabs.indexOf(self.plan), self.document.scene.woven is not None)
+        self._show_chart_tab(is_knit(self.document.scene))
         self.times.set_moves(moves)
         self.menus.time.setEnabled(moves)
         self.tools.show_scene(self.document.scene)
         self.view.set_view(self.document.scene.view)
+
+    def _show_chart_tab(self, shown: bool) -> None:
+        # Inserted and removed: a hidden tab would take room in the bar.
+        present = self.tabs.indexOf(self.chart)
+        if shown and present < 0:
+            self.tabs.insertTab(self.tabs.indexOf(self.draft) + 1, self.chart, "Chart")
+        elif not shown and present >= 0:
+            self.tabs.removeTab(present)
 
     def _show_message(self, text: str) -> None:
         self.statusBar().showMessage(text, _MESSAGE_TIME)

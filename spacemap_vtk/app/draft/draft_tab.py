@@ -197,7 +197,7 @@ class DraftTab(QWidget):
             button.setEnabled(shown is not None)
         self.grid.show_draft(shown)
         if shown is not None:
-            self.palette_row.show_colors(shown)
+            self.palette_row.show_colors(np.concatenate([shown.warp, shown.weft]))
             self._show_counts(shown)
 
     def _show_counts(self, shown: EditableDraft) -> None:

@@ -1,4 +1,4 @@
-"""Palette of colours for painting the strips of a draft."""
+"""Palette of colours for painting a draft or the chart of a knit."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
 from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 
 from spacemap_vtk.app.widgets import painter_on
-from spacemap_vtk.scenes.editable_draft import EditableDraft
+from spacemap_vtk.ndarrays import Bytes
 
 #: Side of a colour, and gap between colours, in pixels.
 _SIDE = 22
 _GAP = 5
-#: Colours offered in addition to the draft's.
+#: Colours offered in addition to the given ones.
 _DEFAULT_COLORS = ("#1f2730", "#f4efe6", "#2d6a8e", "#e8c78f", "#b5443c", "#4f7d4f", "#7d3c57")
 _MAX_COLORS = 24
 
 
 class Palette(QWidget):
-    """Colours to choose by a click; a double click changes one in the whole draft, + adds one."""
+    """Colours to choose by a click; a double click changes one everywhere, + adds one."""
 
     #: The colour to paint with.
     chosen = Signal(object)
@@ -36,15 +36,14 @@ class Palette(QWidget):
         self.setMouseTracking(True)
 
     def clear(self) -> None:
-        """Clear the palette for another draft."""
+        """Clear the palette for another scene."""
         self.colors = []
 
-    def show_colors(self, shown: EditableDraft) -> None:
-        """Add the colours of a draft; present ones keep their places."""
-        colors = np.concatenate([shown.warp, shown.weft])
+    def show_colors(self, colors: Bytes) -> None:
+        """Add colours, (n, 3); present ones keep their places."""
         unique, first = np.unique(colors, axis=0, return_index=True)
-        draft_colors = [QColor(*unique[i].tolist()) for i in np.argsort(first)[:_MAX_COLORS]]
-        self._add_colors(*draft_colors, *(QColor(word) for word in _DEFAULT_COLORS))
+        given = [QColor(*unique[i].tolist()) for i in np.argsort(first)[:_MAX_COLORS]]
+        self._add_colors(*given, *(QColor(word) for word in _DEFAULT_COLORS))
 
     def choose(self, color: QColor) -> None:
         """Select the colour to paint with."""
@@ -99,7 +98,7 @@ class Palette(QWidget):
                 self.choose(color)
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        """Change a colour in the whole draft."""
+        """Change a colour everywhere."""
         index = self._index_at(event.position().toPoint())
         if index is None or index >= len(self.colors):
             return

@@ -1,0 +1,210 @@
+"""Widget with the chart of a knit: symbols and colours of stitches, the first row at the bottom."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QFont, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from spacemap_vtk.app.draft.draft_painter import DraftColors
+from spacemap_vtk.app.widgets import is_dark, painter_on
+from spacemap_vtk.scenes.editable_knit import STITCHES, EditableKnit
+
+#: Symbols of the stitches; knit stitches are blank.
+SYMBOLS = {"k": "", "p": "●", "t": "∩", "m": "―"}
+#: Largest and smallest size of a cell, and room for numbers, for the colours of rows and around.
+_LARGEST, _SMALLEST, _NUMBERS, _STRIP, _MARGIN = 34, 7, 24, 16, 6
+
+
+class KnitChart(QWidget):
+    """Show a repeat of a knit and report strokes of the mouse; the owner decides what they do."""
+
+    #: The edited chart, at the end of a stroke, and the name of the edit.
+    edited = Signal(object, str)
+    #: Description of the stitch under the mouse.
+    hovered = Signal(str)
+    #: A colour picked with the right button.
+    color_picked = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown: EditableKnit | None = None
+        #: Letter to set, or empty to paint colours.
+        self.letter = "p"
+        #: Colour to paint with.
+        self.color = QColor("#2d6a8e")
+        self._before: EditableKnit | None = None
+        self._on_strip = False
+        self._last: tuple[int, int] | None = None
+        self._under: tuple[int | None, int] | None = None
+        self._sets = ""
+        self.setMouseTracking(True)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    def show_knit(self, shown: EditableKnit | None) -> None:
+        """Show a chart."""
+        self.shown, self._before, self._under = shown, None, None
+        self.update()
+
+    @property
+    def is_stroking(self) -> bool:
+        """Whether a stroke is in progress."""
+        return self._before is not None
+
+    @property
+    def cell(self) -> float:
+        """Size of a cell, so that the whole chart is visible [pixels]."""
+        assert self.shown is not None
+        stitches, rows = self.shown.size
+        wide = (self.width() - 2 * (_NUMBERS + _MARGIN) - _STRIP) / stitches
+        high = (self.height() - _NUMBERS - 2 * _MARGIN) / rows
+        return max(_SMALLEST, min(_LARGEST, wide, high))
+
+    def rect_of(self, x: int | None, y: int) -> QRectF:
+        """Return the rectangle of a stitch, or of the colour of a row if x is None."""
+        assert self.shown is not None
+        stitches, rows = self.shown.size
+        cell = self.cell
+        across = stitches * cell + _STRIP + _MARGIN
+        left = max(_NUMBERS + _MARGIN, (self.width() - across) / 2)
+        top = _MARGIN + (rows - 1 - y) * cell
+        if x is None:
+            return QRectF(left, top, _STRIP, cell)
+        return QRectF(left + _STRIP + _MARGIN + x * cell, top, cell, cell)
+
+    def place_at(self, at: QPointF) -> tuple[int | None, int] | None:
+        """Return the stitch at a point, from 0; x is None on the strip of the rows' colours."""
+        if self.shown is None:
+            return None
+        stitches, rows = self.shown.size
+        cell, corner = self.cell, self.rect_of(0, rows - 1)
+        x, up = (at.x() - corner.x()) / cell, (at.y() - corner.y()) / cell
+        if not 0 <= up < rows:
+            return None
+        y = rows - 1 - int(up)
+        if 0 <= x < stitches:
+            return int(x), y
+        return (None, y) if self.rect_of(None, y).contains(at) else None
+
+    def describe(self, x: int | None, y: int) -> str:
+        """Describe a stitch; stitches are counted from the right, as charts are read."""
+        assert self.shown is not None
+        if x is None:
+            return f"row {y + 1}: paint the colour of the whole row"
+        color = QColor(*self.shown.colors[y, x].tolist()).name()
+        name = STITCHES[self.shown.stitches[y, x]]
+        return f"row {y + 1}, stitch {self.shown.size[0] - x}: {name}, {color}"
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Start a stroke, or pick a colour with the right button."""
+        place = self.place_at(event.position())
+        if place is None or self.shown is None:
+            return
+        x, y = place
+        if event.button() == Qt.MouseButton.RightButton:
+            self.color_picked.emit(QColor(*self.shown.colors[y, x or 0].tolist()))
+        elif event.button() == Qt.MouseButton.LeftButton:
+            self._before, self._on_strip, self._last = self.shown, x is None, (x or 0, y)
+            # A stroke that starts on the chosen stitch sets knit stitches instead.
+            same = x is not None and self.shown.stitches[y, x] == self.letter
+            self._sets = "k" if same else self.letter
+            self._apply(x, y)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        """Continue a stroke, or describe the stitch under the mouse."""
+        place = self.place_at(event.position())
+        if self._before is None or self._last is None:
+            self._hover(place)
+            return
+        if place is None or (place[0] is None) != self._on_strip:
+            return
+        end = place[0] or 0, place[1]
+        # Fill in the stitches that a fast mouse has skipped.
+        steps = max(abs(end[0] - self._last[0]), abs(end[1] - self._last[1]))
+        for step in range(1, steps + 1):
+            x, y = (round(a + (b - a) * step / steps) for a, b in zip(self._last, end, strict=True))
+            self._apply(None if self._on_strip else x, y)
+        self._last = end
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """End a stroke."""
+        if self._before is not None and event.button() == Qt.MouseButton.LeftButton:
+            before, self._before = self._before, None
+            paints = self._on_strip or not self.letter
+            if self.shown is not before:
+                self.edited.emit(self.shown, "colours of stitches" if paints else "stitches")
+
+    def leaveEvent(self, _event: QEvent) -> None:
+        """Remove the highlight."""
+        self._hover(None)
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint stitches, numbers, and the stitch under the mouse."""
+        painter = painter_on(self)
+        if self.shown is not None:
+            self._paint(painter, self.shown, DraftColors.for_theme(is_dark(self)))
+        painter.end()
+
+    def sizeHint(self) -> QSize:
+        """Return a size that is enough for a small chart."""
+        return QSize(320, 320)
+
+    def _paint(self, painter: QPainter, shown: EditableKnit, inks: DraftColors) -> None:
+        stitches, rows = shown.size
+        font = QFont(self.font())
+        for y in range(rows):
+            for x in range(stitches):
+                rect, color = self.rect_of(x, y), QColor(*shown.colors[y, x].tolist())
+                painter.setPen(QPen(inks.group, 1))
+                painter.setBrush(color)
+                painter.drawRect(rect)
+                painter.setPen(_contrast(color))
+                font.setPixelSize(max(6, round(0.62 * self.cell)))
+                painter.setFont(font)
+                letter = SYMBOLS[shown.stitches[y, x]]
+                painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, letter)
+            painter.setPen(QPen(inks.group, 1))
+            uniform = (shown.colors[y] == shown.colors[y, :1]).all()
+            painter.setBrush(QColor(*shown.colors[y, 0].tolist()) if uniform else inks.back)
+            painter.drawRect(self.rect_of(None, y))
+        font.setPixelSize(11)
+        painter.setFont(font)
+        painter.setPen(inks.text)
+        step = max(1, round(14 / self.cell))
+        for y in range(0, rows, step):
+            rect = self.rect_of(stitches - 1, y).translated(self.cell + 4, 0)
+            rect.setWidth(_NUMBERS)
+            centre = Qt.AlignmentFlag.AlignVCenter
+            painter.drawText(rect, Qt.AlignmentFlag.AlignLeft | centre, str(y + 1))
+        for count in range(0, stitches, max(1, round(20 / self.cell))):
+            rect = self.rect_of(stitches - 1 - count, 0).translated(0, self.cell)
+            rect.setHeight(_NUMBERS)
+            painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, str(count + 1))
+        if self._under is not None:
+            painter.setPen(QPen(inks.highlight, 2))
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            painter.drawRect(self.rect_of(*self._under))
+
+    def _apply(self, x: int | None, y: int) -> None:
+        """Change a stitch, or the colour of a stitch or a row."""
+        shown = self.shown
+        assert shown is not None
+        if x is None or not self.letter:
+            color = self.color.red(), self.color.green(), self.color.blue()
+            old = shown.colors[y] if x is None else shown.colors[y, x]
+            changes = (old != color).any()
+            self.shown = shown.with_color(x, y, color) if changes else shown
+        elif shown.stitches[y, x] != self._sets:
+            self.shown = shown.with_stitch(x, y, self._sets)
+        self.update()
+
+    def _hover(self, place: tuple[int | None, int] | None) -> None:
+        if place != self._under:
+            self._under = place
+            self.hovered.emit("" if place is None else self.describe(*place))
+            self.update()
+
+
+def _contrast(color: QColor) -> QColor:
+    """Return black or white, whichever is legible on a colour."""
+    return QColor("#1f2730" if color.lightness() > 128 else "#ffffff")

@@ -1,0 +1,80 @@
+"""The chart tab: stitches and colours of knits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from window import require_display, scene_of, settled, type_into, wait_until
+
+require_display()
+
+from PySide6.QtCore import Qt  # noqa: E402
+from PySide6.QtGui import QColor  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
+
+LEFT = Qt.MouseButton.LeftButton
+KNIT = '[textile]\nrows = "stockinette"\nwales = 4\ncourses = 4\ncolor = ["#c43e3a", "#eee2c8"]\n'
+
+
+def open_knit(open_scene: Any, folder: Path) -> Any:
+    file = folder / "knit.toml"
+    file.write_text(KNIT, "utf-8")
+    window = open_scene(str(file), wait=False)
+    window.tabs.setCurrentWidget(window.chart)
+    wait_until(lambda: settled(window) and window.chart.chart.shown is not None)
+    return window
+
+
+def drag(chart: Any, *places: tuple[int | None, int]) -> None:
+    """Drag over stitches, counted from the left and from below, from 0."""
+    points = [chart.rect_of(*place).center().toPoint() for place in places]
+    QTest.mousePress(chart, LEFT, pos=points[0])
+    for point in points[1:]:
+        QTest.mouseMove(chart, point)
+        QTest.qWait(15)
+    QTest.mouseRelease(chart, LEFT, pos=points[-1])
+
+
+def test_a_stroke_changes_stitches_and_is_undone_at_once(open_scene: Any, tmp_path: Path) -> None:
+    window = open_knit(open_scene, tmp_path)
+    tab = window.chart
+    assert tab.chart.shown.size == (1, 2)
+    type_into(tab.counts["stitches"].lineEdit(), "4")
+    assert tab.chart.shown.size == (4, 2)
+    tab.buttons["p"].click()
+    drag(tab.chart, (0, 1), (3, 1))
+    assert window.document.value_in_file("textile", "rows") == "garter"
+    assert tab.chart.shown.size == (4, 2)
+    wait_until(lambda: settled(window))
+    assert scene_of(window).textile.rows == ("k", "p")
+    window.menus.actions["Undo"].trigger()
+    assert window.document.value_in_file("textile", "rows") == "stockinette"
+
+
+def test_colours_of_stitches_become_a_chart(open_scene: Any, tmp_path: Path) -> None:
+    window = open_knit(open_scene, tmp_path)
+    tab = window.chart
+    type_into(tab.counts["stitches"].lineEdit(), "4")
+    tab.palette_row.choose(QColor("#2d6a8e"))
+    drag(tab.chart, (0, 0), (1, 1))
+    written = window.document.values["textile"]
+    assert written["chart"] == ["CAAA", "BCBB"]
+    assert written["color"] == ["#c43e3a", "#eee2c8", "#2d6a8e"]
+    # A row that no yarn can knit is refused, and the chart stays as it was.
+    tab.buttons["m"].click()
+    drag(tab.chart, (0, 0), (3, 0))
+    assert window.document.value_in_file("textile", "rows") == "stockinette"
+    assert (tab.chart.shown.stitches == "k").all()
+    assert "misses" in window.errors.label.text()
+    drag(tab.chart, (None, 0), (None, 1))
+    assert window.document.value_in_file("textile", "chart") is None
+
+
+def test_only_knits_have_a_chart(open_scene: Any, tmp_path: Path) -> None:
+    window = open_knit(open_scene, tmp_path)
+    assert window.tabs.indexOf(window.chart) >= 0
+    window.document.set("textile", "kind", "mesh")
+    assert window.tabs.indexOf(window.chart) < 0
+    window.menus.actions["Undo"].trigger()
+    assert window.tabs.indexOf(window.chart) >= 0
