@@ -53,6 +53,16 @@ def test_charts_are_repeated_cut_and_reduced():
         rib.resize(400, 400)
 
 
+def test_cables_are_set_and_taken_away_whole():
+    plain = chart_of(rows=["pk4p", "pk4p"])
+    crossed = plain.with_stitch(1, 1, "c4f")
+    assert crossed.values()["rows"] == ["pkkkkp", "pc4fp"]
+    assert chart_of(rows=crossed.values()["rows"]).values() == crossed.values()
+    assert crossed.with_stitch(3, 1, "p").values()["rows"] == ["pkkkkp", "pkkpkp"]
+    assert crossed.resize(4, 2).values()["rows"] == ["pkkk"]
+    assert crossed.resize(12, 2).values() == crossed.values()
+
+
 def test_stitches_that_no_yarn_holds_are_refused():
     missed = chart_of(rows="rib 1x1").with_stitch(0, 0, "m").with_stitch(1, 0, "m")
     with pytest.raises(InputError, match="only misses"):

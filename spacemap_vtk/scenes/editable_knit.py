@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from math import lcm
 from typing import Any
@@ -16,15 +17,22 @@ from spacemap_vtk.textile.rods.stitches import STRUCTURES, parse_chart, plan_pas
 
 #: Most stitches that a chart shows.
 _MOST = 2000
-#: What each letter of a row does.
-STITCHES = {"k": "knit", "p": "purl", "t": "tuck", "m": "miss"}
+#: What each letter of a row does, and the cables that are offered.
+STITCHES = {
+    "k": "knit",
+    "p": "purl",
+    "t": "tuck",
+    "m": "miss",
+    "c4f": "cable left",
+    "c4b": "cable right",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class EditableKnit:
     """A repeat of a knit, the lowest row first."""
 
-    #: (rows, stitches), letters k, p, t or m, from the left.
+    #: (rows, stitches), letters k, p, t or m, from the left; a cable as c4f, and empty beside it.
     stitches: NDArray[np.str_]
     #: (rows, stitches, 3), colour of each stitch.
     colors: Bytes
@@ -36,11 +44,23 @@ class EditableKnit:
         """Number of stitches and of rows."""
         return self.stitches.shape[1], self.stitches.shape[0]
 
-    def with_stitch(self, x: int, y: int, letter: str) -> EditableKnit:
-        """Change a stitch, counted from the left and from below, from 0."""
+    def with_stitch(self, x: int, y: int, word: str) -> EditableKnit:
+        """Change a stitch, counted from the left and from below, from 0, or begin a cable there."""
         stitches = self.stitches.copy()
-        stitches[y, x] = letter
+        size = cable_size(word)
+        x = min(x, len(stitches[y]) - size)
+        if x < 0:
+            raise InputError(f"the chart is narrower than a cable of {size} stitches")
+        for place in range(x, x + size):
+            start = self.start_of(place, y)
+            stitches[y, start : start + cable_size(self.stitches[y, start])] = "k"
+        stitches[y, x : x + size] = ""
+        stitches[y, x] = word
         return replace(self, stitches=stitches)
+
+    def start_of(self, x: int, y: int) -> int:
+        """Return where the cable of a stitch begins, or the stitch itself."""
+        return max(k for k in range(x + 1) if self.stitches[y, k])
 
     def with_color(self, x: int | None, y: int, color: tuple[int, int, int]) -> EditableKnit:
         """Change the colour of a stitch, or of a whole row if x is None."""
@@ -73,11 +93,15 @@ class EditableKnit:
         """Cut or repeat the chart."""
         if stitches * rows > _MOST:
             raise InputError(f"a chart shows at most {_MOST} stitches")
-        grids = (_repeat(each, rows, stitches) for each in (self.stitches, self.colors))
-        return EditableKnit(*grids, self.palette)
+        letters = _repeat(self.stitches, rows, stitches)
+        for row in letters:
+            for x in np.flatnonzero(row):
+                if x + cable_size(row[x]) > stitches:
+                    row[x:] = "k"
+        return EditableKnit(letters, _repeat(self.colors, rows, stitches), self.palette)
 
     def values(self) -> dict[str, Any]:
-        """Return the values of the scene: rows, chart and color; None removes a key."""
+        """Return the values of the scene by key; None removes a key."""
         rows = tuple("".join(row) for row in _least(self.stitches))
         if (self.colors == self.colors[:, :1]).all():
             words = [_hex(color) for color in _least(self.colors[:, :1])[:, 0]]
@@ -130,8 +154,18 @@ def require_knittable(values: dict[str, Any]) -> None:
     plan_passes(STRUCTURES[rows] if isinstance(rows, str) else rows, values["chart"] or ())
 
 
+def cable_size(word: str) -> int:
+    """Return the number of stitches of a cable, or 1."""
+    return int(word[1:-1]) if word.startswith("c") else 1
+
+
 def _letters(rows: tuple[str, ...]) -> NDArray[np.str_]:
-    return np.array([list(row) for row in rows])
+    """Return a word for each stitch: a letter, a cable at its first stitch, or nothing."""
+    grid = []
+    for row in rows:
+        words = re.findall(r"c\d+[fb]|[a-zA-Z]", row)
+        grid.append([cell for word in words for cell in (word, *[""] * (cable_size(word) - 1))])
+    return np.array(grid, dtype="<U4")
 
 
 def _repeat(grid: Any, rows: int, stitches: int) -> Any:

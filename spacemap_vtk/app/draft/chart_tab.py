@@ -123,7 +123,8 @@ class ChartTab(QWidget):
             fields += [QLabel(name.capitalize()), spin]
         column(
             self.tools,
-            row(None, *self.buttons.values(), None, spacing=2),
+            row(None, *list(self.buttons.values())[:4], None, spacing=2),
+            row(None, *list(self.buttons.values())[4:], None, spacing=2),
             row(None, *fields, None, spacing=6),
             row(None, narrow(self.structure, 12), None),
             spacing=4,

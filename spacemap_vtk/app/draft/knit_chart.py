@@ -8,10 +8,11 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from spacemap_vtk.app.draft.draft_painter import DraftColors
 from spacemap_vtk.app.widgets import is_dark, painter_on
-from spacemap_vtk.scenes.editable_knit import STITCHES, EditableKnit
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.editable_knit import STITCHES, EditableKnit, cable_size
 
 #: Symbols of the stitches; knit stitches are blank.
-SYMBOLS = {"k": "", "p": "●", "t": "∩", "m": "―"}
+SYMBOLS = {"k": "", "p": "●", "t": "∩", "m": "―", "c4f": "╲╱", "c4b": "╱╲"}
 #: Largest and smallest size of a cell, and room for numbers, for the colours of rows and around.
 _LARGEST, _SMALLEST, _NUMBERS, _STRIP, _MARGIN = 34, 7, 24, 16, 6
 
@@ -92,7 +93,8 @@ class KnitChart(QWidget):
         if x is None:
             return f"row {y + 1}: paint the colour of the whole row"
         color = QColor(*self.shown.colors[y, x].tolist()).name()
-        name = STITCHES[self.shown.stitches[y, x]]
+        word = str(self.shown.stitches[y, self.shown.start_of(x, y)])
+        name = STITCHES.get(word, f"cable of {cable_size(word)}")
         return f"row {y + 1}, stitch {self.shown.size[0] - x}: {name}, {color}"
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
@@ -106,7 +108,8 @@ class KnitChart(QWidget):
         elif event.button() == Qt.MouseButton.LeftButton:
             self._before, self._on_strip, self._last = self.shown, x is None, (x or 0, y)
             # A stroke that starts on the chosen stitch sets knit stitches instead.
-            same = x is not None and self.shown.stitches[y, x] == self.letter
+            word = "" if x is None else self.shown.stitches[y, self.shown.start_of(x, y)]
+            same = word == self.letter
             self._sets = "k" if same else self.letter
             self._apply(x, y)
 
@@ -116,7 +119,8 @@ class KnitChart(QWidget):
         if self._before is None or self._last is None:
             self._hover(place)
             return
-        if place is None or (place[0] is None) != self._on_strip:
+        is_cable = self.letter.startswith("c") and not self._on_strip
+        if place is None or (place[0] is None) != self._on_strip or is_cable:
             return
         end = place[0] or 0, place[1]
         # Fill in the stitches that a fast mouse has skipped.
@@ -161,8 +165,15 @@ class KnitChart(QWidget):
                 painter.setPen(_contrast(color))
                 font.setPixelSize(max(6, round(0.62 * self.cell)))
                 painter.setFont(font)
-                letter = SYMBOLS[shown.stitches[y, x]]
-                painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, letter)
+                word = str(shown.stitches[y, x])
+                if not word.startswith("c"):
+                    symbol = SYMBOLS.get(word, "")
+                    painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, symbol)
+            for x in range(stitches):
+                if (size := cable_size(str(shown.stitches[y, x]))) > 1:
+                    color = QColor(*shown.colors[y, x].tolist())
+                    rect = self.rect_of(x, y).united(self.rect_of(x + size - 1, y))
+                    _paint_cable(painter, rect, shown.stitches[y, x].endswith("f"), color)
             painter.setPen(QPen(inks.group, 1))
             uniform = (shown.colors[y] == shown.colors[y, :1]).all()
             painter.setBrush(QColor(*shown.colors[y, 0].tolist()) if uniform else inks.back)
@@ -194,8 +205,11 @@ class KnitChart(QWidget):
             old = shown.colors[y] if x is None else shown.colors[y, x]
             changes = (old != color).any()
             self.shown = shown.with_color(x, y, color) if changes else shown
-        elif shown.stitches[y, x] != self._sets:
-            self.shown = shown.with_stitch(x, y, self._sets)
+        elif shown.stitches[y, shown.start_of(x, y)] != self._sets:
+            try:
+                self.shown = shown.with_stitch(x, y, self._sets)
+            except InputError as error:
+                self.hovered.emit(error.message)
         self.update()
 
     def _hover(self, place: tuple[int | None, int] | None) -> None:
@@ -203,6 +217,21 @@ class KnitChart(QWidget):
             self._under = place
             self.hovered.emit("" if place is None else self.describe(*place))
             self.update()
+
+
+def _paint_cable(painter: QPainter, rect: QRectF, is_left: bool, color: QColor) -> None:
+    """Paint the two strands of a cable: the one in front whole, the other one behind it."""
+    inside = rect.adjusted(2, 2, -2, -2)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(color)
+    painter.drawRect(rect.adjusted(1, 1, -1, -1))
+    lines = (inside.bottomLeft(), inside.topRight()), (inside.bottomRight(), inside.topLeft())
+    for back, (begin, end) in zip((True, False), lines if is_left else lines[::-1], strict=True):
+        if not back:
+            painter.setPen(QPen(color, 7))
+            painter.drawLine(begin + 0.3 * (end - begin), begin + 0.7 * (end - begin))
+        painter.setPen(QPen(_contrast(color), 2))
+        painter.drawLine(begin, end)
 
 
 def _contrast(color: QColor) -> QColor:
