@@ -242,6 +242,21 @@ LIMITS: dict[str, Limit] = {
         "press less at crossings shear more softly",
         cure="give the measured values ([modal] bending_rigidity, shear_rigidity) where there are",
     ),
+    "frictionless": Limit(
+        stage="modal",
+        model="a sheet of relaxed yarns",
+        assumes="round yarns without friction; those of a weft knit are straight if free, all "
+        "others are set in their shape; a linear law holds for strains of a few thousandths",
+        quantity="",
+        found="",
+        most=math.inf,
+        unit="",
+        basis="energies of one cell (`spacemap_vtk.textile.rods.stiffness`); the tangent of "
+        "stockinette at rest is three times its secant at 4 %",
+        beyond="friction makes real knits stiffer in bending and shear, and set lets them curl "
+        "less; loops stiffen as they straighten",
+        cure='give measured values ([modal] bending_rigidity, shear_rigidity), or law = "yarns"',
+    ),
     "obstacle": Limit(
         stage="modal",
         model="contact at samples of the cells",

@@ -12,7 +12,8 @@ from hung_scenes import middle
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from spacemap_vtk.datasets.modal_model import contact_of
+from spacemap_vtk.datasets.modal_model import contact_of, sheet_of
+from spacemap_vtk.filters.textile_sheet import content_of, sheet_of_textile
 from spacemap_vtk.mechanics.contact.obstacles import frame_along
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import GRAVITY
@@ -152,9 +153,32 @@ def a_cloth_that_falls(scene: Scene) -> None:
         assert away.min() > 0.95 * ball.radius
 
 
+def a_knit_that_curls(scene: Scene) -> None:
+    flat, rested = middle(scene)
+    mass = sheet_of(scene.modal.output).areal_mass
+    weight = mass * float(np.prod(np.ptp(flat, axis=0)[:2])) * GRAVITY
+    (table,) = contact_of(scene.modal.output)
+    assert table.force[2] == pytest.approx(-weight, rel=2e-3)
+    # The moment at a free edge is zero: there the knit has its natural curvature, to the back
+    # (down) across the sides, and to the face across the ends.
+    natural = sheet_of_textile(content_of(scene.modal.output)).plate.curvature
+    assert natural[0] < 0.0 < natural[1]
+    for axis in (0, 1):
+        across = np.unique(flat[:, 1 - axis].round(9))
+        line = abs(flat[:, 1 - axis] - across[len(across) // 2]) < 1e-7
+        steps = np.diff(rested[line][np.argsort(flat[line, axis])], axis=0)
+        angle = np.unwrap(np.arctan2(steps[:, 2], steps[:, axis]))
+        length = np.linalg.norm(steps, axis=1)
+        curvature = np.diff(angle) / (length[1:] + length[:-1]) * 2
+        # the first ones are a cell from the edge
+        assert 2 * curvature[0] - curvature[1] == pytest.approx(natural[axis], rel=0.1)
+        assert abs(curvature[len(curvature) // 2]) < 0.05 * abs(natural[axis])
+
+
 CHECKS: dict[str, Callable[[Scene], None]] = {
     "arm": a_napkin_over_an_arm,
     "capstan": a_strip_over_a_drum,
+    "curl": a_knit_that_curls,
     "curtain_on_rod": a_curtain_on_a_rod,
     "drop": a_cloth_that_falls,
     "fold": a_strip_on_itself,

@@ -385,6 +385,7 @@ LONG = {
     "arm",
     "capstan",
     "catenary",
+    "curl",
     "curtain",
     "curtain_on_rod",
     "double_weave",

@@ -87,6 +87,14 @@ def test_a_knit_is_softer_along_its_courses_and_curls_to_back_and_face():
     assert large.curvature == pytest.approx(plate.curvature / 4, rel=1e-6)
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("rows", ["rib 1x1", "garter"])
+def test_rib_and_garter_do_not_curl(rows):
+    plate = sheet_of_textile(Knit(rows=rows, diameter=MM, tension=60.0, bending=2e-8)).plate
+    assert plate.curvature is None
+    assert np.linalg.eigvalsh(plate.bending).min() > 0.0
+
+
 def test_what_is_no_sheet_is_refused():
     with pytest.raises(InputError, match="bending is missing"):
         sheet_of_textile(Knit(tension=60.0))

@@ -750,13 +750,14 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         output.GetFieldData().RemoveArray(LAW_CRIMP)
         if self.material != WOVEN:
             return
-        self.check_limit("no_slip")
         cloth = content_of(grid)
         assert cloth is not None
         if isinstance(cloth, TextileKind):
+            self.check_limit("frictionless")
             for note in sheet_of_textile(cloth).notes:
                 self.warn(note)
             return
+        self.check_limit("no_slip")
         figures = fabric_figures(cloth)
         crimp = min(figures[family]["mean_crimp"] for family in FAMILIES)
         if crimp > 0.0:

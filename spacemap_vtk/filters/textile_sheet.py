@@ -25,7 +25,9 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.rods.cell_law import RAYS, CellLaw, tabulate_cell
 from spacemap_vtk.textile.rods.stiffness import (
+    LEAST_MOMENT,
     SIDES,
+    SOFTEST,
     CellStiffness,
     cell_stiffness,
     raise_to_floor,
@@ -77,37 +79,33 @@ def content_of(data: vtkDataObject) -> Cloth | TextileKind | None:
 def sheet_of_textile(kind: TextileKind, progress: Progress | None = None) -> TextileSheet:
     """Compute the stiffness of a textile as a sheet, or load it."""
     rest = _require_sheet(kind, progress)
-    found = _cell_stiffness(kind, rest)
+    found, floors = _cell_stiffness(kind, rest)
     unit, force = kind.scale, kind.require_bending() / kind.scale**2
     membrane, bending = found.membrane * force / unit, found.bending * force * unit
-    notes: list[str] = []
     if kind.is_strip(rest):
-        along = float(membrane[1, 1]), float(bending[1, 1])
-        homogeneous = Plate(np.eye(3), np.eye(3))
         plate = apply_measurements(
-            homogeneous, tensile=(along[0],) * 2, bending=(along[1],) * 2, ratio=_RATIO
+            Plate(np.eye(3), np.eye(3)),
+            tensile=(float(membrane[1, 1]),) * 2,
+            bending=(float(bending[1, 1]),) * 2,
+            ratio=_RATIO,
         )
-        notes.append(
+        note = (
             "a strip has one period: across it the sheet is as stiff as along it, with a Poisson's "
             f"ratio of {_RATIO:g}; give shear_rigidity if it matters"
         )
-        return TextileSheet(plate, notes)
-    floors = []
-    membrane, raised = raise_to_floor(membrane)
-    floors += ["in its plane, most of all in shear,"] * raised
-    bending, raised = raise_to_floor(bending)
-    floors += ["in bending"] * raised
-    for where in floors:
-        notes.append(
-            f"yarns without friction let this textile deform {where} almost without force; its "
-            "stiffness there is raised to a thousandth of the largest one"
-        )
+        return TextileSheet(plate, [note])
+    notes = [
+        f"yarns without friction let this textile deform {where} almost without force; its "
+        "stiffness there is raised to the least that is assumed"
+        for where, raised in zip(("in its plane", "in bending"), floors, strict=True)
+        if raised
+    ]
     rigid = np.zeros((3, 3))
     rigid[:2, :2] = bending
     rigid[2, 2] = np.sqrt(bending[0, 0] * bending[1, 1]) / 2.0
-    moment = found.moment * force * (1.0 - kind.set_in_use)
     curvature = None
-    if abs(moment).max() > 1e-6 * float(np.diag(bending).max()) / unit:
+    if found.moment.any() and kind.set_in_use < 1.0:
+        moment = found.moment * force * (1.0 - kind.set_in_use)
         curvature = np.append(np.linalg.solve(bending, moment), 0.0)
     return TextileSheet(Plate(membrane, rigid, curvature=curvature), notes)
 
@@ -138,7 +136,7 @@ def law_of_textile(kind: TextileKind, progress: Progress | None = None) -> CellL
         )
     rest = _require_sheet(kind, None)
     unit, force = kind.scale, kind.require_bending() / kind.scale**2
-    membrane = _cell_stiffness(kind, rest).membrane
+    membrane = _cell_stiffness(kind, rest)[0].membrane
     key = _digest(kind, rest, "law")
     found = _recent.get(key) or cache.load(key, values=(-1, RAYS), constants=(2,))
     if found is None:
@@ -164,20 +162,29 @@ def _digest(kind: TextileKind, rest: Rest, what: str) -> str:
     )
 
 
-def _cell_stiffness(kind: TextileKind, rest: Rest) -> CellStiffness:
+def _cell_stiffness(kind: TextileKind, rest: Rest) -> tuple[CellStiffness, list[bool]]:
+    """Return a positive stiffness, and whether that of membrane and bending had to be raised."""
     mechanics, key = kind.mechanics_of_sheet(rest), _digest(kind, rest, "sheet")
-    shapes = {"membrane": (3, 3), "bending": (2, 2), "moment": (2,)}
+    shapes = {"membrane": (3, 3), "bending": (2, 2), "moment": (2,), "raised": (2,)}
     found = _recent.get(key) or cache.load(key, **shapes)
     if found is None:
+        made, least = set_stiffness(rest.yarns, rest.cell, mechanics), 0.0
         if kind.springs:
+            least = SOFTEST * float(np.diag(made.bending).min())
             yarns, cell = settle_springs(rest.yarns, rest.cell, mechanics)
             made = cell_stiffness(yarns, cell, mechanics, SIDES)
+        if kind.is_strip(rest):
+            raised = [False, False]
         else:
-            made = set_stiffness(rest.yarns, rest.cell, mechanics)
-        found = made._asdict()
+            membrane, stretched = raise_to_floor(made.membrane)
+            bending, bent = raise_to_floor(made.bending, least)
+            made, raised = made._replace(membrane=membrane, bending=bending), [stretched, bent]
+        moment = np.where(abs(made.moment) < LEAST_MOMENT, 0.0, made.moment)
+        found = {**made._replace(moment=moment)._asdict(), "raised": np.array(raised, np.float64)}
         cache.store(key, **found)
     _keep(key, found)
-    return CellStiffness(**found)
+    floors = (found["raised"] > 0.0).tolist()
+    return CellStiffness(*(found[name] for name in CellStiffness._fields)), floors
 
 
 def _keep(key: str, found: dict[str, Floats]) -> None:

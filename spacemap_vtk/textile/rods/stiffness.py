@@ -45,6 +45,11 @@ _SMALL_TURN = 1e-4
 #: Least eigenvalue of a stiffness, as a share of the largest one: yarns without friction may let a
 #: textile shear or bend without any force.
 FLOOR = 1e-3
+#: Least eigenvalue of the bending of springs, as a share of that of the same yarns if they are set.
+#: The rows of garter stitch, which are hardly held apart, turn into each other almost freely.
+SOFTEST = 0.05
+#: Moments below this, in units of B over the square of a diameter, are rounding.
+LEAST_MOMENT = 0.01
 
 
 class CellStiffness(NamedTuple):
@@ -162,13 +167,15 @@ def set_stiffness(yarns: Sequence[Yarn], cell: Floats, mechanics: RodMechanics) 
     return CellStiffness(membrane, (bending + bending.T) / 2, np.zeros(2))
 
 
-def raise_to_floor(stiffness: Floats) -> tuple[Floats, bool]:
-    """Raise eigenvalues below `FLOOR` of the largest one to it.
+def raise_to_floor(stiffness: Floats, least: float = 0.0) -> tuple[Floats, bool]:
+    """Raise eigenvalues below `FLOOR` of the largest one, or below a given one, to it.
 
     Parameters
     ----------
     stiffness : ndarray of float64, shape (n, n)
         Symmetric stiffness.
+    least : float, optional
+        Least eigenvalue.
 
     Returns
     -------
@@ -176,7 +183,7 @@ def raise_to_floor(stiffness: Floats) -> tuple[Floats, bool]:
         A positive definite stiffness, and whether it differs.
     """
     values, vectors = np.linalg.eigh(stiffness)
-    raised = np.maximum(values, FLOOR * float(values[-1]))
+    raised = np.maximum(values, max(least, FLOOR * float(values[-1])))
     if (raised == values).all():
         return stiffness, False
     return (vectors * raised) @ vectors.T, True
