@@ -6,15 +6,25 @@ import math
 
 import numpy as np
 import pytest
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.textile_sheet import law_of_textile, sheet_of_textile
+from spacemap_vtk.filters.textile_sheet import (
+    add_textile,
+    law_of_textile,
+    sheet_of_textile,
+    textile_of,
+)
 from spacemap_vtk.filters.textiles.braid import Braid
 from spacemap_vtk.filters.textiles.knit import Knit
 from spacemap_vtk.filters.textiles.woven import Mesh
+from spacemap_vtk.laboratory.catalogue import find_test
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.model import Model
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.laboratory import fabric_of
+from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.rods.cell_law import RAYS, CellLaw, _graded, _radius
@@ -100,6 +110,42 @@ def test_what_is_no_sheet_is_refused():
         sheet_of_textile(Knit(tension=60.0))
     with pytest.raises(InputError, match="tubular braid is no sheet"):
         sheet_of_textile(Braid(tension=60.0, bending=1e-9))
+
+
+@pytest.fixture(scope="module")
+def knitted():
+    """Return stockinette in the laboratory."""
+    textile = {"rows": "stockinette", "diameter": MM, "tension": 60.0, "bending": 2e-8}
+    modal = {"elements": "sheet", "material": "yarns"}
+    return fabric_of(Scene({"textile": textile, "modal": modal}))
+
+
+def test_a_knit_is_measured_from_its_sheet(knitted):
+    assert knitted.origin == "its yarns"
+    plate = sheet_of_textile(Knit(diameter=MM, tension=60.0, bending=2e-8)).plate
+    found = find_test("bending").measure(knitted)
+    # warp is along the wales, axis 2 of the plate
+    expected = [plate.bending[1, 1], plate.bending[0, 0]]
+    rigidities = [each.value for each in found.readings if each.symbol == "B"]
+    assert rigidities == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_picture_frame_refuses_loops(knitted):
+    with pytest.raises(InputError, match="loops of a knit"):
+        find_test("frame").measure(knitted)
+
+
+def test_data_state_their_textile():
+    names = [name for name in library.names() if "[textile]" in library.find(name).read_text()]
+    assert len(names) > 10
+    for name in names:
+        kind = Scene.read(name).source._textile
+        data = vtkPolyData()
+        add_textile(data, kind)
+        found, given = textile_of(data), dict(kind.given_values)
+        given.pop("color", None)
+        assert type(found) is type(kind)
+        assert found.given_values == given
 
 
 def test_a_strip_of_a_plait_says_what_it_assumes():

@@ -117,7 +117,7 @@ def _from_sheet(scene: Scene, solver: ModalSolver, yarns: YarnParameters | None)
             return None
     if scene.woven is None:
         content = content_of(stage.output) if solver.material == WOVEN else None
-        loops = isinstance(content, TextileKind) and content.springs
+        loops = isinstance(content, TextileKind) and content.loops
         origin = "the sheet in [modal]" if content is None else "its yarns"
         return Fabric(plate, thickness, mass, origin, loops=loops)
     cloth = scene.woven.cloth

@@ -178,6 +178,8 @@ class TextileKind(Parameterised):
     #: Whether yarns are straight if free, as those of a knit; others keep the shape in which they
     #: were laid.
     springs: ClassVar[bool] = False
+    #: Whether yarns are loops, which lie neither along x nor along y.
+    loops: ClassVar[bool] = False
 
     @property
     def set_in_use(self) -> float:

@@ -132,7 +132,7 @@ class Knit(TextileKind):
         maximum=1.0,
     )
 
-    springs = True
+    springs = loops = True
 
     @property
     def set_in_use(self) -> float:

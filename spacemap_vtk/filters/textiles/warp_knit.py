@@ -87,6 +87,7 @@ class WarpKnit(TextileKind):
     """Warp knits: each yarn of a guide bar runs along y and knits a loop in each course."""
 
     name = "warp_knit"
+    loops = True
     family_names = ("front bar", "back bar")
     colors = ((222, 214, 198), (186, 84, 70))
 
