@@ -39,6 +39,9 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
 )
 from spacemap_vtk.ndarrays import Bools, Floats
 
+#: Rounding error of the change of a distance in a step, as a share of the size of the coordinates.
+_ROUNDING = 16 * float(np.finfo(np.float64).eps)
+
 
 class _Mean(NamedTuple):
     """Mean contact of the samples of some elements over a step."""
@@ -207,7 +210,11 @@ class ObstacleStep(TermStep):
         gradient = middle.gradient.reshape(moved.shape)
         curvature = middle.curvature.reshape(*moved.shape, 3)
         square = np.maximum((moved**2).sum(axis=2), 1e-300)[..., None]
-        missing = (last - first - (gradient * moved).sum(axis=2))[..., None] / square
+        missing = last - first - (gradient * moved).sum(axis=2)
+        # Divided by a tiny move, rounding would be a force that no step could balance.
+        size = abs(where).max() + abs(where - term.obstacle.center).max()
+        missing = np.sign(missing) * np.maximum(abs(missing) - _ROUNDING * size, 0.0)
+        missing = missing[..., None] / square
         normal = gradient + missing * moved
         # The derivatives of the normal and of the force by the position at the end.
         bend = (curvature @ moved[..., None])[..., 0] / 2

@@ -177,6 +177,9 @@ class GripFollower:
         # The first terms of the system are its loads, of constant size.
         self._system, self._loads = system, loads
         self._solve: Solve | None = None
+        #: Largest norm of the forces that held a state so far. A body that is released is in
+        #: balance to the digits of the forces that held it before.
+        self._largest = 0.0
 
     def move(self, held: Floats, steps: int) -> bool:
         """Move the held nodes by `held` (V, 3); False if no state is found in so many steps."""
@@ -188,12 +191,14 @@ class GripFollower:
             predictions = [state.predict(move) for state in states]
             start = self.z + move
             search = _Search(system, self._loads, start, 0.0, 1.0, True, predictions)
+            search.least_norm = self._largest
             try:
                 found = search.run(system.steps + steps)
             except SolverError:
                 found = None
             if found is not None:
                 self.z, self._solve = found[0], search.solve
+                self._largest = search.load_norm
                 return True
         return False
 
@@ -233,6 +238,8 @@ class _Search:
         self._system, self._start, self._before, self._share = system, start, before, share
         #: Whether grips have moved, so that the forces that hold them are loads, too.
         self._is_gripped = predictions is not None
+        #: Norm of the loads, to which unbalanced forces are compared, and least value of it.
+        self.load_norm = self.least_norm = 0.0
         #: Whether the start is in equilibrium before this share; it need not be on obstacles.
         self._rests = rests
         #: Number of loads; they are the first terms of the system.
@@ -258,7 +265,7 @@ class _Search:
 
     def run(self, limit: int) -> tuple[Floats, float] | None:
         """Find the state and its residual; None if it needs more steps than the limit."""
-        system, load_norm = self._system, 0.0
+        system = self._system
         while system.steps < limit:
             states = self._evaluate(self._z)
             force, energies = system.forces(states), system.energies(states)
@@ -270,10 +277,11 @@ class _Search:
                 system.inertia_scale = float(np.clip(scale, LEAST_INERTIA, MOST_INERTIA))
                 self._last_energy = energy
             if self._is_gripped:
-                load_norm = max(self._load_norm(states), self._held_norm(states, unbalanced))
-            load_norm = load_norm or self._load_norm(states) or unbalanced or 1.0
+                held = self._held_norm(states, unbalanced)
+                self.load_norm = max(self.least_norm, self._load_norm(states), held)
+            self.load_norm = self.load_norm or self._load_norm(states) or unbalanced or 1.0
             settled = (
-                unbalanced <= MAX_RESIDUAL * load_norm
+                unbalanced <= MAX_RESIDUAL * self.load_norm
                 or self._expected_decrease <= MAX_DECREASE * size
                 or (self._rests and self._stalled_steps >= MAX_STALLED)
             )
@@ -299,7 +307,7 @@ class _Search:
                     continue
             if settled and system.admits(self._z):
                 self.solve = solve
-                return self._z, unbalanced / load_norm
+                return self._z, unbalanced / self.load_norm
             if settled and self._must_descend:
                 return None
             if settled:  # long steps have turned something over that short steps cannot turn back
