@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from spacemap_vtk import (
     WeaveSource,
 )
 from spacemap_vtk.cancel import Cancelled
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapWarning
 from spacemap_vtk.filters.base import connect
 from spacemap_vtk.filters.load import Load
 from spacemap_vtk.filters.load_parameters import LoadParameters
@@ -87,10 +88,10 @@ def test_hanging_cage_rests_until_loads_change() -> None:
 
 def test_equilibrium_is_shared_with_modal_solver(folder: Path) -> None:
     at(chain(TransientResponse(initial="equilibrium", gravity=(0, 0, -1))), 0.0)
-    (kept,) = folder.rglob("hung-*")
+    (kept,) = folder.rglob("rest-*")
     written = kept.stat().st_ino  # what is written anew takes the place of a file
     at(chain(ModalResponse(), modes=8, gravity=(0, 0, -1)), 0.0)
-    assert [*folder.rglob("hung-*")] == [kept]
+    assert [*folder.rglob("rest-*")] == [kept]
     assert kept.stat().st_ino == written
 
 
@@ -231,3 +232,51 @@ def test_scene_has_transient_instead_of_response() -> None:
         plain.update(time=time)
         with pytest.raises(InputError, match=r"Leave out the section \[rotation\]"):
             rotation.update(time=time)
+
+
+SWINGING = """
+[weave]
+pattern = "plain"
+ends = 40
+picks = 80
+warp_spacing = "0.5 mm"
+weft_spacing = "0.5 mm"
+warp_diameter = "0.2 mm"
+weft_diameter = "0.2 mm"
+[yarns]
+inextensible = false
+tension = "60 N"
+contact = "9 N"
+bending = "1 mN.mm2"
+[cage]
+divisions = [1, 3, 1]
+[modal]
+elements = "sheet"
+material = "yarns"
+areal_mass = "0.15 kg/m2"
+modes = 2
+fixed = "+y"
+[transient]
+beta = {beta}
+[[transient.loads]]
+gravity = [0, -9.81, 0]
+"""
+
+
+@pytest.mark.nightly
+def test_steps_that_ringing_yarns_shorten_are_reported_with_a_cure(tmp_path: Path) -> None:
+    """Yarns that jerk taut ring without damping; with the damping of the message they do not."""
+    counts = []
+    for beta in ("0", "'0.1 ms'"):
+        (tmp_path / "swing.toml").write_text(SWINGING.format(beta=beta), encoding="utf-8")
+        stage = Scene.read(tmp_path / "swing.toml").stage("mover")
+        assert isinstance(stage, TransientResponse)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SpacemapWarning)
+            stage.update(0.02)
+        assert stage.motion is not None
+        counts.append(stage.motion.steps)
+        found = [text for text in stage.warnings if "were halved" in text]
+        assert len(found) == (beta == "0")
+        assert all('beta = "0.1 ms"' in text for text in found)
+    assert counts[0] > 1.8 * counts[1]

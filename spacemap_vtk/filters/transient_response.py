@@ -58,6 +58,9 @@ _CHUNK = 512
 #: Time between two writes of an entry that is not full, in s.
 _PAUSE = 5.0
 
+#: Steps are short if at least so many were halved, and at least this share of all.
+_MOST_HALVINGS, _MOST_HALVED = 50, 0.1
+
 
 class TransientResponse(LoadParameters, Stage):
     """Move a cage by time steps of its nonlinear equations of motion, for any rotation.
@@ -157,10 +160,22 @@ class TransientResponse(LoadParameters, Stage):
             self._last_key = key
         assert self._last_motion is not None
         digest, motion = self._last_motion
+
+        def report(share: float) -> None:
+            rings = self._rings(motion)
+            self.report_progress(share, "short steps: give beta" if rings else "stepping")
+
         try:
-            motion.step_until(max(time, 0.0), lambda share: self.report_progress(share, "stepping"))
+            motion.step_until(max(time, 0.0), report)
         finally:
             self._store_states(digest, motion)
+        if self._rings(motion):
+            self.warn(
+                f"{motion.halvings} of {motion.steps} time steps were halved: without damping that "
+                "is proportional to stiffness, cloth rings where it becomes slack or taut, and "
+                f"{len(motion.states)} steps led to {motion.last_time:.3g} s; give beta = "
+                '"0.1 ms", or a damping_ratio'
+            )
         displacement, velocity, acceleration = motion.at_time(time)
         output.ShallowCopy(grid)
         add_motion(output, (displacement, velocity, acceleration))
@@ -304,12 +319,37 @@ class TransientResponse(LoadParameters, Stage):
     ) -> list[Reaction]:
         """Return the mean reactions of the time step that ends at or after a time."""
         table, points = motion.reactions(np.array([time]))[0], motion.reaction_points(time)
-        bodies = [(bearing.kind, bearing.name) for bearing in motion.bearings]
-        bodies += [("obstacle", body["shape"]) for body in bodies_of(grid)]
+        bodies = self.reacting_bodies(grid, motion)
         return [
             Reaction(*body, row[:3], row[3:], point)
             for body, row, point in zip(bodies, table, points, strict=True)
         ]
+
+    def _rings(self, motion: SteppedMotion) -> bool:
+        """Return whether steps are short because cloth that becomes slack or taut rings."""
+        plate = motion.model.plate
+        if plate is None or plate.law is None or self.damping.beta or np.any(self.damping.ratio):
+            return False
+        return motion.halvings >= max(_MOST_HALVINGS, _MOST_HALVED * motion.steps)
+
+    @staticmethod
+    def reacting_bodies(grid: vtkUnstructuredGrid, motion: SteppedMotion) -> list[tuple[str, str]]:
+        """Return kind and name of each body in `SteppedMotion.reactions`.
+
+        Parameters
+        ----------
+        grid : vtkUnstructuredGrid
+            Output of the stage.
+        motion : SteppedMotion
+            Its motion.
+
+        Returns
+        -------
+        list of (str, str)
+            Kind and name of each support and grip, then of each obstacle.
+        """
+        bodies = [(bearing.kind, bearing.name) for bearing in motion.bearings]
+        return bodies + [("obstacle", body["shape"]) for body in bodies_of(grid)]
 
     def _store_states(self, digest: str, motion: SteppedMotion) -> None:
         """Store the states computed since the last time on disk."""

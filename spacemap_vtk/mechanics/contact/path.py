@@ -139,7 +139,8 @@ def states_on_path(
     ------
     InputError
         If nothing holds the body against the load, it falls past its obstacles, or layers of a
-        sheet overlap at the start; or if path and grips differ in their number of places.
+        sheet overlap at the start; if it has rigid places; or if path and grips differ in their
+        number of places.
     SolverError
         If no stable state was found somewhere on the path.
 
@@ -160,6 +161,7 @@ def states_on_path(
     5004
     10015
     """
+    model.require_no_rigid_places()
     grips = list(grips)
     load = np.zeros(model.points.size) if forces is None else forces
     count = max([1, *(len(grip.moves) for grip in grips)])

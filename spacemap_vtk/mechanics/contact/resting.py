@@ -108,6 +108,7 @@ def find_resting_state(
     SolverError
         If no stable state was found.
     """
+    model.require_no_rigid_places()
     contacts = place_contacts(model, shifts)
     guess, released = None, None
     if start is not None:
@@ -210,7 +211,20 @@ def settle_model(
 
 
 def place_contacts(model: Model, shifts: Floats | None) -> list[EnergyTerm]:
-    """Return a model's terms of obstacles, displaced by the rows of `shifts`, and of layers."""
+    """Return a model's terms of obstacles, displaced, and of layers.
+
+    Parameters
+    ----------
+    model : Model
+        A body.
+    shifts : ndarray of float64, shape (n, 3), optional
+        Displacement of each of the n obstacles [m].
+
+    Returns
+    -------
+    list of EnergyTerm
+        Terms of obstacles, then of layers.
+    """
     obstacles = obstacles_of(model)
     if shifts is not None:
         obstacles = [

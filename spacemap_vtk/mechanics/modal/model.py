@@ -368,12 +368,7 @@ class Model:
         from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad
         from spacemap_vtk.mechanics.equilibrium.newton import find_equilibrium
 
-        if self.fittings.bodies is not None:
-            raise InputError(
-                "a cage with a rigid place cannot hang: the place can turn by small angles only",
-                key="rigid",
-                cure="Fix the place, or leave out modal.gravity and modal.dead_loads.",
-            )
+        self.require_no_rigid_places()
         pencil, surface = self.pencil, self.pencil.surface
         load = forces.reshape(-1, 3) / self.modulus
         load = load if surface is None else 2 * surface.to_nodes(load)
@@ -382,6 +377,23 @@ class Model:
         found = find_equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
         moved = found.positions - start
         return (moved if surface is None else surface.to_vertices(moved)), found.critical
+
+    def require_no_rigid_places(self) -> None:
+        """Refuse an equilibrium under large rotations of a body with rigid places.
+
+        Raises
+        ------
+        InputError
+            If there are rigid places, whose constraints are those of small rotations.
+        """
+        if self.fittings.bodies is not None:
+            raise InputError(
+                "a cage with a rigid place cannot hang, lie on obstacles or follow grips: the "
+                "place can turn by small angles only",
+                key="rigid",
+                cure="Fix the place, or hold it with a grip, which moves as a rigid body; "
+                "stiffness_factors make a place that is free nearly rigid.",
+            )
 
     def holding_forces(
         self, displacement: Floats, forces: Floats, terms: Sequence[EnergyTerm] | None = None

@@ -115,7 +115,8 @@ class SteppedMotion(Motion):
     max_step : float, optional
         Longest step [s].
     grips : sequence of Grip, optional
-        Grips, in their last places on the path; those with a motion move in time.
+        Grips, in their last places on the path; those with a motion move in time, relative to the
+        base if it moves.
     bearings : sequence of Bearing, optional
         Supports and grips whose reactions are wanted.
     holding : ndarray of float64, shape (V, 3), optional
@@ -165,7 +166,7 @@ class SteppedMotion(Motion):
         self.model = model = cage.model
         self.points, self.cells = model.points, model.cells
         self.loads, self._settled = tuple(loads), settled
-        _check_supported(cage, self.loads, grips)
+        _check_supported(cage, self.loads)
         self._all_grips = tuple(grips)
         self._grips = [grip for grip in grips if grip.motion is not None]
         self.bearings = tuple(bearings)
@@ -248,6 +249,9 @@ class SteppedMotion(Motion):
         self._append(np.concatenate([begun, self._static_reactions(first), q, v]))
         #: Number of the last state, its terms, and the stress of each kind of element.
         self._last_state: tuple[int, list[TermState], list[Floats]] = 0, [], []
+        #: Number of steps that this object has made, and how often one was halved because it did
+        #: not converge.
+        self.steps = self.halvings = 0
         #: Number of states that `_farthest` includes.
         self._seen_count = 1
         self._append_jump(0.0)
@@ -488,7 +492,8 @@ class SteppedMotion(Motion):
         ndarray of float64, shape (K, 3)
             Points [m].
         """
-        points = [each.about for each in self.bearings]
+        base = self.base_motion(time)[0]
+        points = [each.about + base for each in self.bearings]
         obstacles = obstacles_of(self.model)
         return np.reshape(
             [
@@ -702,6 +707,7 @@ class SteppedMotion(Motion):
                         cure="Make the cage stiffer, damp it, or change its divisions",
                     )
                 step = span / 2
+                self.halvings += 1
                 continue
             error = self._relative_error(found.error, found.position)
             share = SAFETY * max(error / self._max_error, 1e-30) ** (-1 / 4)
@@ -719,6 +725,7 @@ class SteppedMotion(Motion):
         head += [row[6] + found.rubbed, row[7] + found.pushed, row[8] + found.gripped]
         reactions = self._mean_reactions(q, v, found, time, span)
         self._append(np.concatenate([head, reactions, found.position, found.rate]))
+        self.steps += 1
         self._last_state = self._count, found.parts, found.stress
         if span == remaining:
             self._append_jump(end)
@@ -777,15 +784,22 @@ class SteppedMotion(Motion):
                 way, speed = way - value * push, speed - slope * push
         if not (way.any() or speed.any()):
             return
-        solve = self._integrator.system.factorise_unsymmetric(self._integrator.mass)
-        way = solve(way)
+        way = self._divide_by_mass(way)
         parts = self._integrator.evaluate(q + way / 2)
-        v = v + solve(speed - self._integrator.damping_impulse(parts, way))
+        v = v + self._divide_by_mass(speed - self._integrator.damping_impulse(parts, way))
         q = q + way
         kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
         row[5] += kinetic + strain - row[2] - row[3]
         row[1:4] = FIRST * self.max_step, kinetic, strain
         self._append(np.concatenate([row[: self._head], q, v]))
+
+    def _divide_by_mass(self, forces: Floats) -> Floats:
+        """Return accelerations under forces, (N,); 0 for coordinates that grips prescribe."""
+        own, mass = self._integrator.prescribed, self._integrator.mass
+        free = diags((~own).astype(np.float64))
+        alone = (free @ mass @ free + diags(own.astype(np.float64))).tocsr()
+        found: Floats = spsolve(alone, np.where(own, 0.0, forces))
+        return found
 
     def _append_impulse(self, time: float) -> None:
         """Append the state after the speed of a grip jumps; the momentum of the rest stays."""
@@ -796,12 +810,7 @@ class SteppedMotion(Motion):
         q, v = np.split(row[self._head :], 2)
         jump = np.zeros_like(v)
         jump[own] = self._prescribe(time, slopes)[1]
-        push = -(mass @ jump)
-        free = diags((~own).astype(np.float64))
-        alone = (free @ mass @ free + diags(own.astype(float))).tocsr()
-        push[own] = 0.0
-        jump += spsolve(alone, push)
-        v = v + jump
+        v = v + jump + self._divide_by_mass(-(mass @ jump))
         kinetic, strain = self._integrator.stored_energy(v, self._integrator.evaluate(q))
         gained = kinetic + strain - row[2] - row[3]
         row[5] += gained
@@ -855,7 +864,7 @@ def _damping_from_ratios(
     return beta, mass @ (fields @ turn[:, kept]) * sizes
 
 
-def _check_supported(cage: CageModes, loads: Sequence[LoadVector], grips: Sequence[Grip]) -> None:
+def _check_supported(cage: CageModes, loads: Sequence[LoadVector]) -> None:
     if any(load.function.steady for load in loads):
         raise InputError(
             "time stepping does not support steady loads, because they have no start",
@@ -866,12 +875,13 @@ def _check_supported(cage: CageModes, loads: Sequence[LoadVector], grips: Sequen
         raise InputError(
             "time stepping does not support rigid places, which can turn by small angles only",
             key="rigid",
-            cure="Fix the place, leave out modal.rigid, or use [response].",
+            cure="Fix the place, hold it with a grip, which moves as a rigid body, or use "
+            "[response]; stiffness_factors make a place that is free nearly rigid.",
         )
-    moving = obstacles_of(cage.model) or any(grip.motion is not None for grip in grips)
-    if moving and any(load.moves_base is not None for load in loads):
+    if obstacles_of(cage.model) and any(load.moves_base is not None for load in loads):
         raise InputError(
-            "time stepping does not support a moving base with obstacles or moving grips",
+            "time stepping does not support a moving base with obstacles: whether these move with "
+            "it is not defined",
             key="base_displacement",
-            cure="Move the obstacles or grips instead, or use base_acceleration.",
+            cure="Move the obstacles instead, or use base_acceleration.",
         )
