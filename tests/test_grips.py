@@ -11,19 +11,26 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
+from test_contact import PLATE as SHEET
+from test_contact import THICKNESS as THIN
+from test_contact import WIDTH, strip
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.reactions import path_reactions_of, reactions_of
+from spacemap_vtk.draw.figure.reaction_plot import reaction_curves
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.jobs import ReactionsJob
+from spacemap_vtk.mechanics.boundary.fittings import make_fittings
 from spacemap_vtk.mechanics.boundary.grips import Grip, GripMotion, held_by, make_grip
 from spacemap_vtk.mechanics.boundary.reactions import Reaction, find_bearings
 from spacemap_vtk.mechanics.boundary.time_functions import TimeFunction, harmonic, step, table
+from spacemap_vtk.mechanics.contact.obstacles import Cylinder
 from spacemap_vtk.mechanics.contact.path import states_on_path
 from spacemap_vtk.mechanics.contact.reactions import list_reactions
+from spacemap_vtk.mechanics.contact.resting import Resting, find_resting_state, rested_terms
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.damping import Damping
@@ -151,6 +158,97 @@ def test_grip_along_a_direction_or_turning_with_free_components_is_refused() -> 
         make_grip(points, "+x:x", turns=[[0, 0, 0], [0, 0, 1]])
 
 
+def strip_over_cylinder(cells: int) -> tuple[Model, FloatArray, str, Resting]:
+    """Return a strip on half a cylinder, loads, the place of its grip, and its state at rest."""
+    model, tail, tension = strip_on_cylinder(cells), 0.03, 10.0
+    end = math.pi * 0.025 + tail
+    first, last = (abs(model.points[:, 0] - side * end) < 1e-9 for side in (-1, 1))
+    forces = np.zeros(model.points.shape)
+    forces[first | last, 2] = -tension * WIDTH / first.sum()
+    found = find_resting_state(model, forces.ravel())
+    held = ~model.free.reshape(-1, 3)
+    held[last] = True
+    forces[last] = 0.0
+    gripped = Model(model.points, model.cells, SHEET, model.density, held, terms=model.terms)
+    return gripped, forces, f"box({end - 1e-4}, 1, -1, 1, -1, 1)", found
+
+
+def strip_on_cylinder(cells: int) -> Model:
+    """Return a flat strip above a cylinder with a coefficient of friction of 0.1."""
+    radius, length = 0.05, math.pi * 0.05 + 0.06
+    body = Cylinder(radius - THIN / 2, axis=(0, 1, 0), center=(0, 0, -radius - 1e-6))
+    return strip(-length / 2, length, cells, [body], lambda x: x < -1, 0.1)
+
+
+def test_grip_that_pulls_a_strip_over_a_cylinder_needs_eulers_force() -> None:
+    """T₂/T₁ = e^{μπ} while it pulls, and e^{-μπ} once it has moved back; forces are balanced."""
+    model, forces, place, found = strip_over_cylinder(40)
+    pulls = 1e-4 * np.array([0, 6, 9, 12, 6, 0, -6])
+    grip = make_grip(model.points, place, moves=np.outer(pulls, (0, 0, -1)))
+    bearings, ratios = find_bearings(model.points, [], [grip]), []
+    states = states_on_path(model, forces.ravel(), start=found, grips=[grip])
+    for move, state in zip(grip.moves, states, strict=True):
+        terms = rested_terms(model.terms, model.points + state.displacement, state.anchors)
+        given = state.displacement, state.holding, bearings, [move], terms
+        pulled, cylinder = list_reactions(model, *given)
+        ratios.append(pulled.force[2] / forces[:, 2].sum())
+        total = pulled.force + cylinder.force + forces.sum(axis=0)
+        np.testing.assert_allclose(total[[0, 2]], 0, atol=1e-7 * abs(forces).sum())
+    euler = math.exp(0.1 * math.pi)
+    assert ratios[0] == pytest.approx(1.0, rel=1e-6)
+    np.testing.assert_allclose(ratios[2:4], euler, rtol=2e-3)
+    np.testing.assert_allclose(ratios[4:], 1 / euler, rtol=2e-3)
+
+
+def test_grip_that_pulls_slowly_in_time_needs_eulers_force() -> None:
+    """In few steps: rounding of samples that hardly move does not stop Newton's method."""
+    model, forces, place, found = strip_over_cylinder(24)
+    terms = rested_terms(model.terms, model.points + found.displacement, found.anchors)
+    held = ~model.free.reshape(-1, 3)
+    data = model.points, model.cells, SHEET, model.density, held, False, found.displacement
+    cage = CageModes(
+        Model(*data, terms=terms), np.empty(0), np.empty((0, model.points.size)), np.empty(0)
+    )
+    rise = np.linspace(0, 1, 9)
+    slow = table((0.02 * rise).tolist(), ((1 - np.cos(np.pi * rise)) / 2).tolist())
+    grip = make_grip(model.points, place)
+    grip = grip._replace(motion=GripMotion(np.array([0, 0, -1e-3]), np.zeros(3), slow))
+    motion = SteppedMotion(
+        cage,
+        damping=Damping(alpha=200, beta=1e-4),
+        settled=True,
+        max_step=2e-3,
+        tolerance=1e-2,
+        grips=[grip],
+        bearings=find_bearings(model.points, [], [grip]),
+        holding=model.holding_forces(found.displacement, forces.ravel(), terms),
+    )
+
+    def limit(_: float) -> None:
+        assert len(motion.states) < 300
+
+    motion.step_until(0.03, limit)
+    ((pulled, cylinder),) = motion.reactions(np.array([0.03]))
+    euler = math.exp(0.1 * math.pi)
+    assert pulled[2] / forces[:, 2].sum() == pytest.approx(euler, rel=0.02)
+    assert motion.contact_energies(np.array([0.03]))[0, 0] > 0
+    _, _, kinetic, strain, damped, work = motion.states[:, :6].T
+    balance = kinetic + strain + damped - work
+    np.testing.assert_allclose(balance, balance[0], atol=1e-9 * work.max())
+    assert abs((pulled + cylinder)[2] + forces[:, 2].sum()) < 0.01 * abs(forces).sum()
+
+
+def test_rigid_place_beside_a_grip_is_refused_with_a_cure() -> None:
+    """Its constraint is that of small rotations; a grip itself is rigid, however far it turns."""
+    points, cells = sheet(0.1, 0.02, (4, 1))
+    grip = make_grip(points, "+x", turns=[[0, 0, 0], [0, 1.0, 0]])
+    held, fittings = make_fittings(points, cells, ["-x"], ["box(0.04, 0.06, -1, 1, -1, 1)"], [], [])
+    model = Model(points, cells, PLATE, 1.0, held | grip.held, fittings=fittings)
+    with pytest.raises(InputError, match="rigid place cannot") as caught:
+        next(iter(states_on_path(model, grips=[grip])))
+    assert "hold it with a grip" in str(caught.value.cure)
+
+
 SCENE = """
 [weave]
 ends = 4
@@ -245,6 +343,37 @@ def test_work_of_a_grip_is_the_energy_that_the_body_gains(function: TimeFunction
     np.testing.assert_allclose(momenta[1] - momenta[0], impulse, atol=1e-6 * abs(impulse).max())
 
 
+@pytest.mark.parametrize("function", [table([0, 0.01], [0, 1]), harmonic(10.0)])
+def test_grip_moves_relative_to_a_moving_base(function: TimeFunction) -> None:
+    """As if there were no base and two grips, of which one moves like it and one like both."""
+    points, cells = sheet(0.1, 0.02, (4, 1))
+    base, own = np.array([0.001, 0.0, 0.003]), np.array([0.002, 0.001, 0.0])
+    turn = np.array([0.2, 0.3, 0.0])
+
+    def motion_of(moves: dict[str, tuple[FloatArray, FloatArray]], loads: bool) -> SteppedMotion:
+        grips = [
+            make_grip(points, place)._replace(motion=GripMotion(*each, function))
+            for place, each in moves.items()
+        ]
+        supports = [place for place in ("-x",) if place not in moves]
+        bearings = find_bearings(points, supports, grips)
+        held = np.any([each.shares.any(axis=2) for each in bearings], axis=0)
+        model = Model(points, cells, PLATE, 0.15 / THICKNESS, held)
+        cage = CageModes(model, np.empty(0), np.empty((0, points.size)), np.empty(0))
+        shakes = [cage.load_vector("base_displacement", base, function)] if loads else []
+        given = {"max_step": 5e-4, "tolerance": 1e-5, "grips": grips, "bearings": bearings}
+        return SteppedMotion(cage, shakes, Damping(beta=1e-3), settled=True, **given)
+
+    shaken = motion_of({"+x": (own, turn)}, True)
+    alone = motion_of({"-x": (base, 0 * turn), "+x": (base + own, turn)}, False)
+    for time in (0.004, 0.012):
+        found, expected = shaken.at_time(time)[0], alone.at_time(time)[0]
+        np.testing.assert_allclose(found, expected, atol=2e-4 * abs(expected).max())
+        np.testing.assert_allclose(
+            shaken.reaction_points(time), alone.reaction_points(time), atol=1e-9
+        )
+
+
 def energies_at_rest(scene: Scene) -> float:
     """Return the strain energy of the state in which a scene begins [J]."""
     mover = scene.stage("mover")
@@ -293,3 +422,51 @@ def test_reactions_are_tabulated_over_the_stroke(tmp_path: Path) -> None:
     assert float(rows[-1][column]) == pytest.approx(grip.force[1])
     with pytest.raises(InputError, match="time steps"):
         ReactionsJob(tmp_path / "forces.csv", "time").run(scene)
+
+
+def test_reactions_of_a_moving_obstacle_are_those_where_it_is(tmp_path: Path) -> None:
+    """A plate lifts a cloth by 20 mm and carries its weight all the way; its stroke is plotted."""
+    text = """
+[weave]
+ends = 20
+picks = 20
+warp_spacing = "5 mm"
+weft_spacing = "5 mm"
+warp_diameter = "0.25 mm"
+weft_diameter = "0.25 mm"
+[cage]
+divisions = [4, 4, 1]
+[modal]
+elements = "sheet"
+fixed = ""
+modes = 2
+path_steps = 2
+gravity = [0, 0, -10]
+tensile_rigidity = "1 kN/m"
+bending_rigidity = "10 uN.m"
+areal_mass = "0.15 kg/m2"
+[[modal.obstacles]]
+shape = "plane"
+center = [0, 0, "-1 mm"]
+friction = 0.2
+path = [[0, 0, "20 mm"]]
+"""
+    (tmp_path / "lift.toml").write_text(text, encoding="utf-8")
+    curves = reaction_curves(Scene.read(tmp_path / "lift.toml"))
+    assert (curves.heading, curves.names) == ("obstacle stroke [mm]", ["obstacle plane"])
+    np.testing.assert_allclose(curves.x, [0, 10, 20], atol=1e-9)
+    np.testing.assert_allclose(curves.forces[:, 0, 2], 0.15 * 0.1**2 * 10, rtol=0.1)
+    np.testing.assert_allclose(curves.forces[:, 0], curves.forces[[0, 0, 0], 0], atol=1e-7)
+
+
+def test_stroke_of_a_return_is_a_loop_and_that_of_a_bent_way_its_length(tmp_path: Path) -> None:
+    for path, strokes in (
+        ('[[0, "0.1 mm", 0], [0, "0.2 mm", 0], [0, 0, 0]]', [0, 0.1, 0.2, 0]),
+        ('[[0, "0.2 mm", 0], [0, "0.2 mm", "0.1 mm"]]', [0, 0.2, 0.3]),
+    ):
+        text = SCENE.replace('[[0, "0.1 mm", 0], [0, "0.2 mm", 0]]', path)
+        text = text.replace("path_steps = 4", "path_steps = 1")
+        (tmp_path / "strip.toml").write_text(text, encoding="utf-8")
+        curves = reaction_curves(Scene.read(tmp_path / "strip.toml"))
+        assert curves.heading == "stroke [mm]"
+        np.testing.assert_allclose(curves.x, strokes, atol=1e-9)

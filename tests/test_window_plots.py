@@ -21,6 +21,8 @@ from PySide6.QtWidgets import QFileDialog  # noqa: E402
 from spacemap_vtk.app.plots import plots_tab  # noqa: E402
 from spacemap_vtk.app.plots.curves import compute_curves  # noqa: E402
 from spacemap_vtk.datasets.arrays import points_of  # noqa: E402
+from spacemap_vtk.draw.figure.plots import prefixed_unit  # noqa: E402
+from spacemap_vtk.draw.figure.reaction_plot import reaction_curves  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
 LEFT = Qt.MouseButton.LeftButton
@@ -424,3 +426,83 @@ def test_slow_curves_show_progress_and_can_be_cancelled(
     wait_until(lambda: is_plotted(window))
     assert not plots.run_button.isVisible()
     assert not plots.progress_bar.isVisible()
+
+
+PULLED = """
+[weave]
+ends = 12
+picks = 36
+[cage]
+divisions = [2, 6, 1]
+[modal]
+elements = "sheet"
+fixed = "-y"
+modes = 2
+path_steps = 4
+tensile_rigidity = "1 kN/m"
+bending_rigidity = "10 uN.m"
+areal_mass = "0.15 kg/m2"
+[[modal.grips]]
+place = "+y"
+path = [[0, "0.2 mm", 0]]
+displacement = [0, 0, "0.5 mm"]
+rise = "10 ms"
+[transient]
+duration = "20 ms"
+max_step = "2 ms"
+tolerance = 1
+alpha = 50
+[animation]
+stop = "20 ms"
+"""
+
+
+def choose(box: Any, text: str) -> None:
+    """Choose an item of a combo box, as a user does."""
+    box.setCurrentIndex(box.findText(text))
+    assert box.currentText() == text
+    box.activated.emit(box.currentIndex())
+
+
+def test_reactions_are_plotted_over_time_and_over_the_stroke(
+    plots_of: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "pulled.toml"
+    file.write_text(PULLED, encoding="utf-8")
+    window = plots_of(file)
+    plots, canvas = window.plots, window.plots.canvas
+    choose(plots.quantity, "Force")
+    choose(plots.component, "along y")
+    # The plotted curves are those of the pipeline.
+    scene = Scene.read(file)
+    for over, name in (("over time", "time"), ("over the stroke", "stroke")):
+        choose(plots.abscissa, over)
+        expected = reaction_curves(scene, name)
+        assert canvas.axes[0].get_xlabel() == expected.heading
+        unit, size = prefixed_unit("N", float(abs(expected.forces).max()))
+        assert canvas.axes[0].get_title(loc="left") == f"Force along y [{unit}]"
+        for body, line in enumerate(canvas.axes[0].lines):
+            assert line.get_label() == expected.names[body] == ("support -y", "grip +y")[body]
+            values = np.interp(line.get_xdata(), expected.x, expected.forces[:, body, 1])
+            assert size * line.get_ydata()[-1] == pytest.approx(values[-1], rel=1e-6)
+        # Only a plot over time has energies and a cursor below it.
+        assert len(canvas.axes) == len(canvas.time_axes) + (name == "stroke")
+    choose(plots.quantity, "Moment")
+    choose(plots.body, "grip +y")
+    assert canvas.axes[0].get_title(loc="left").startswith("Moment of grip +y about y")
+    assert len(canvas.axes[0].lines) == 1
+    saved = tmp_path / "reactions.csv"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(saved), ""))
+    plots.save_actions["reactions"].trigger()
+    lines = saved.read_text(encoding="utf-8").splitlines()
+    rows = [*csv.DictReader(line for line in lines if not line.startswith("#"))]
+    assert [float(row["stroke [mm]"]) for row in rows] == pytest.approx([0, 0.05, 0.1, 0.15, 0.2])
+    assert float(rows[-1]["grip +y force y [N]"]) == pytest.approx(expected.forces[-1, 1, 1])
+
+
+def test_scene_without_reactions_over_time_offers_none(plots_of: Any) -> None:
+    plots = plots_of().plots
+    offered = [plots.quantity.model().item(number).isEnabled() for number in range(5)]
+    assert offered == [True, True, True, False, False]
+    assert not plots.body.isVisible()
+    assert not plots.save_actions["reactions"].isEnabled()

@@ -21,8 +21,15 @@ _PARTS = ("reaction_force", "reaction_moment", "reaction_point")
 #: Name of the field array of the names of these bodies.
 _NAMES = "reaction_body"
 #: Names of the field arrays that have a row for each place of a path: force and moment of each
-#: body, three columns each, and move [m] and rotation vector [rad] of each grip.
-_PATH = ("path_reaction_force", "path_reaction_moment", "path_grip_move", "path_grip_turn")
+#: body, three columns each, move [m] and rotation vector [rad] of each grip, and move of each
+#: obstacle [m].
+_PATH = (
+    "path_reaction_force",
+    "path_reaction_moment",
+    "path_grip_move",
+    "path_grip_turn",
+    "path_obstacle_move",
+)
 #: Name of the field array of what `filters.grip.bearings_of` reads, as JSON.
 _BEARINGS = "bearings"
 
@@ -30,7 +37,7 @@ _OWNER = "the cage's reactions (put a ModalSolver before it)"
 
 
 class PathReactions(NamedTuple):
-    """Reactions along a path, and how grips moved on it."""
+    """Reactions along a path, and how grips and obstacles moved on it."""
 
     forces: Floats
     """(S, n, 3), force of each of n bodies on the cage at each of S places [N]."""
@@ -40,6 +47,8 @@ class PathReactions(NamedTuple):
     """(S, g, 3), move of each of g grips [m]."""
     turns: Floats
     """(S, g, 3), rotation vector of each grip [rad]."""
+    obstacle_moves: Floats
+    """(S, m, 3), displacement of each of m obstacles [m]."""
 
 
 def add_reactions(

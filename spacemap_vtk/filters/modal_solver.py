@@ -653,6 +653,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
                 else np.empty((len(table), 0, 3))
                 for key in ("moves", "turns")
             ]
+            assert task.path is not None
+            steps.append(task.path - task.path[0])
             path = PathReactions(table[..., :3], table[..., 3:6], *steps)
         add_reactions(output, found.holding, named, path)
 

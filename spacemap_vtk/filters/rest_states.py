@@ -18,6 +18,7 @@ from spacemap_vtk.mechanics.contact.resting import (
     find_resting_state,
     layers_of,
     obstacles_of,
+    place_contacts,
     rested_terms,
 )
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
@@ -82,7 +83,7 @@ def load_or_solve_rest(
 ) -> RestState:
     """Return a state at rest under dead loads, from disk or solved."""
     # `allow` is called before solving, and may raise to prevent it.
-    key, model = f"hung-{task.digest}", task.model
+    key, model = f"rest-{task.digest}", task.model
     shapes = {
         "displacement": model.points.shape,
         "critical": (1,),
@@ -106,7 +107,9 @@ def _solve(task: RestTask, progress: Progress) -> RestState:
     share = None
 
     def add(displacement: Floats, anchors: Floats, holding: Floats) -> None:
-        terms = rested_terms(model.terms, model.points + displacement, anchors)
+        assert task.path is not None
+        contacts = place_contacts(model, task.path[len(table)])
+        terms = rested_terms(contacts, model.points + displacement, anchors)
         moves = [grip.moves[len(table)] for grip in task.grips]
         table.append(list_reactions(model, displacement, holding, task.bearings, moves, terms))
 

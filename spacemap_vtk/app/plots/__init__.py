@@ -1,1 +1,1 @@
-"""The plots: motion of picked points, energies and frequency response."""
+"""The plots: motion of picked points, energies, frequency response and reactions."""

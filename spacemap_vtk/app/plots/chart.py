@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QSizePolicy
 from spacemap_vtk.app.plots.curves import Curves
 from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.draw.figure.plots import QUANTITIES, energy_curves, prefixed_unit
+from spacemap_vtk.draw.figure.reaction_plot import ReactionCurves
 
 #: Colours of points.
 POINTS = ("#d9642c", "#2c7fb8", "#2f8f5b", "#8e5ea2", "#b58900", "#d1495b")
@@ -30,6 +31,10 @@ _BOTTOM = 40
 _LINE = 14
 #: Gap between a title and the legend beside it, in pixels.
 _GAP = 10
+#: Forces below this share of the largest, in N, and moments, in N m, are rounding.
+_ROUNDING = 1e-9
+#: Most letters of a body's name in a legend.
+_LETTERS = 26
 #: Distance of a title from its plot, in points.
 _PAD = 6.0
 
@@ -38,10 +43,14 @@ class CurveOptions(NamedTuple):
     """Options for showing curves."""
 
     quantity: str
-    """A key of `spacemap_vtk.draw.figure.plots.QUANTITIES`."""
+    """A key of `spacemap_vtk.draw.figure.plots.QUANTITIES` or of `REACTIONS`."""
     component: str
     """One of `COMPONENTS`."""
     dark: bool
+    reactions: ReactionCurves | None = None
+    """Reactions that are shown instead of the motion of points."""
+    body: int | None = None
+    """Number of the body whose reaction is shown; None for all."""
 
 
 class PlotCanvas(FigureCanvasQTAgg):
@@ -68,14 +77,20 @@ class PlotCanvas(FigureCanvasQTAgg):
         paper, grid = ("#161b22", "#2b3440") if shown.dark else ("#ffffff", "#e6e9ed")
         self._ink, self._text = QColor("#ffb454" if shown.dark else "#111a24"), ink
         figure.set_facecolor(back)
-        kinds = ["motion", *(["energy"] if curves.balance is not None else [])]
-        kinds += ["response"] if len(curves.frequencies) else []
-        self.axes = list(np.atleast_1d(figure.subplots(len(kinds), 1)))
-        self.time_axes = self.axes[: len(kinds) - ("response" in kinds)]
-        unit = self._plot_motion(self.axes[0], curves, shown)
-        if curves.balance is not None:
+        reactions = shown.reactions
+        over_time = reactions is None or reactions.is_over_time
+        has_energy = over_time and curves.balance is not None
+        has_response = reactions is None and len(curves.frequencies) > 0
+        count = 1 + has_energy + has_response
+        self.axes = list(np.atleast_1d(figure.subplots(count, 1)))
+        self.time_axes = self.axes[: 1 + has_energy] if over_time else []
+        if reactions is not None:
+            _plot_reactions(self.axes[0], reactions, shown)
+        else:
+            unit = self._plot_motion(self.axes[0], curves, shown)
+        if has_energy:
             _plot_energy(self.axes[1], curves, ink)
-        if len(curves.frequencies):
+        if has_response:
             self._plot_response(self.axes[-1], curves, shown, unit, grid)
         for axes in self.axes:
             axes.set_facecolor(paper)
@@ -216,6 +231,32 @@ class PlotCanvas(FigureCanvasQTAgg):
         axes.set_xlim(curves.frequencies[0], curves.frequencies[-1])
         axes.yaxis.set_major_locator(LogLocator(numticks=6))
         axes.minorticks_off()
+
+
+def _plot_reactions(axes: Axes, reactions: ReactionCurves, shown: CurveOptions) -> None:
+    table, unit = reactions.tables[shown.quantity]
+    # Moments have a lever of at least 1 nm, or are rounding.
+    rounding = _ROUNDING * float(max(abs(table).max(), abs(reactions.forces).max()))
+    values = component_of(np.where(abs(table) > rounding, table, 0.0), shown.component)
+    word, size = prefixed_unit(unit, float(abs(table).max(initial=0.0)))
+    bodies = range(len(reactions.names)) if shown.body is None else [shown.body]
+    names = [_shorten(reactions.names[body]) for body in bodies]
+    for body, name in zip(bodies, names, strict=True):
+        color = POINTS[body % len(POINTS)]
+        axes.plot(reactions.x, values[:, body] / size, color=color, linewidth=1.2, label=name)
+    of = f" of {names[0]}" if len(names) == 1 else ""
+    part = "" if shown.component == "size" else f" along {shown.component}"
+    if shown.quantity == "moment" and part:
+        part = f" about {shown.component}"
+    axes.set_title(f"{shown.quantity.capitalize()}{of}{part} [{word}]", loc="left")
+    axes.set_xlim(reactions.x.min(), reactions.x.max())
+    axes.set_xlabel(reactions.heading)
+    axes.xaxis.set_major_locator(MaxNLocator(6))
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+
+
+def _shorten(name: str) -> str:
+    return name if len(name) <= _LETTERS else f"{name[: _LETTERS - 1]}…"
 
 
 def component_of(vectors: np.ndarray, component: str) -> np.ndarray:

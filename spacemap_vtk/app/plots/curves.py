@@ -19,6 +19,11 @@ from spacemap_vtk.draw.figure.plots import (
     frequencies_near,
     most_moving_vertex,
 )
+from spacemap_vtk.draw.figure.reaction_plot import (
+    ReactionCurves,
+    reactions_in_time,
+    reactions_on_path,
+)
 from spacemap_vtk.embedding.interpolation import point_weights
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import InputError
@@ -79,12 +84,19 @@ class Curves:
     modes: FloatArray
     #: Sentence about missing data and the reason.
     note: str = ""
+    #: Forces and moments of supports, grips and obstacles: over time, over the stroke, or both.
+    reactions: tuple[ReactionCurves, ...] = ()
+
+    @property
+    def moves(self) -> bool:
+        """Whether a point can be plotted; a scene without motion may still have reactions."""
+        return len(self.times) > 0
 
 
 def motion_key(document: Document) -> str:
     """Return a key that changes when the motion of a scene changes."""
     scene = document.scene
-    last = scene.cage_stage if scene.moves else scene.source
+    last = scene.cage_stage if scene.moves else scene.stage("solver") or scene.source
     stages = scene.stages[: scene.stages.index(last) + 1]
     return repr({stage.section: document.values.get(stage.section) for stage in stages})
 
@@ -93,8 +105,11 @@ def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None
     """Compute curves; yields the progress (0 to 1) at short intervals."""
     yield 0.0
     times = np.linspace(request.start, request.stop, SAMPLES)
+    solver = scene.stage("solver")
+    on_path = None if solver is None else reactions_on_path(solver)
+    reactions = () if on_path is None else (on_path,)
     if not scene.moves:
-        return None
+        return _still_curves(request, reactions) if reactions else None
     mover = scene.cage_stage
     model = mover.motion
     if model is None:
@@ -139,9 +154,30 @@ def compute_curves(scene: Scene, request: CurveRequest) -> Generator[float, None
     energy_balance = balance_energies(energies, potential, work_at_start) if has_energy else None
     frequencies = frequencies_near(natural.tolist()) if response else np.zeros(0)
     answers = yield from _compute_responses(response, weights, frequencies)
+    if isinstance(mover_stage, TransientResponse):
+        reactions = (reactions_in_time(mover_stage, times), *reactions)
     points = np.array(places).reshape(-1, 3)
     return Curves(
-        request.key, points, times, motion, energy_balance, frequencies, answers, natural, note
+        request.key,
+        points,
+        times,
+        motion,
+        energy_balance,
+        frequencies,
+        answers,
+        natural,
+        note,
+        tuple(each for each in reactions if each.names),
+    )
+
+
+def _still_curves(request: CurveRequest, reactions: tuple[ReactionCurves, ...]) -> Curves:
+    """Return the curves of a scene that has reactions along a path, but no motion."""
+    nothing, points = np.zeros(0), np.zeros((0, 3))
+    motion, answers = np.zeros((3, 0, 0, 3)), np.zeros((0, 0, 3))
+    note = "This scene does not move in time."
+    return Curves(
+        request.key, points, nothing, motion, None, nothing, answers, nothing, note, reactions
     )
 
 

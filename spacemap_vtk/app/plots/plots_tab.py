@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PySide6.QtCore import QEvent, Signal
-from PySide6.QtGui import QHideEvent, QShowEvent
+from PySide6.QtGui import QHideEvent, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
     QComboBox,
     QMenu,
@@ -32,6 +32,7 @@ from spacemap_vtk.app.view.pick import Pick
 from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row, single_shot
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.draw.figure.plots import ENERGY_NAMES, QUANTITIES
+from spacemap_vtk.draw.figure.reaction_plot import ReactionCurves, reaction_table
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.output import atomic_file, check_output, write_parts
@@ -42,10 +43,22 @@ if TYPE_CHECKING:
 
 #: Time without changes until curves are computed, in ms.
 _REST_TIME = 250
+#: Place of the canvas in the tab.
+_CANVAS = 3
 _HINT = "Click the fabric to plot a point, Shift+click to add one. Click a plot to go to that time."
 _OLD_CURVES = "These curves show the motion before the last change."
 _FIRST_HINT = (
     "The plotted point moves most. Click the fabric to plot another point, Shift+click to add one."
+)
+#: Quantities of what holds the cloth: keys of `ReactionCurves.tables`.
+REACTIONS = ("force", "moment")
+_NO_REACTIONS = (
+    "Forces and moments are plotted over time with [transient], and over the stroke of a grip or "
+    "obstacle with a path."
+)
+_REACTION_HINT = (
+    "What holds the cloth acts on it with these forces and moments. Moments are about the middle "
+    "of a support, or about the centre of a grip or obstacle where it is then."
 )
 #: Quantities saved for a point over time, with their units.
 _QUANTITIES = (("displacement", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"))
@@ -70,16 +83,20 @@ class PlotsTab(QWidget):
         self.curves: Curves | None = None
         self._key = ""
         self._time = 0.0
-        self._has_motion = False
+        self._has_curves = False
         #: Values of the scene that was drawn last.
         self._drawn: dict[str, Any] = {}
         #: Created when the tab is first shown, because importing matplotlib takes time.
         self.canvas: PlotCanvas | None = None
         self.quantity = QComboBox()
-        self.quantity.addItems([name.capitalize() for name in QUANTITIES])
-        self.component = QComboBox(toolTip="Component of the motion")
+        self.quantity.addItems([name.capitalize() for name in (*QUANTITIES, *REACTIONS)])
+        self._quantity_is_chosen = False
+        self.component = QComboBox(toolTip="Component of the motion, force or moment")
         self.component.addItems(["along x", "along y", "along z", "magnitude"])
         self._component_is_chosen = False
+        #: Choices for forces and moments: whose they are, and the abscissa.
+        self.body = QComboBox(toolTip="Support, grip or obstacle that holds the cloth")
+        self.abscissa = QComboBox(toolTip="Abscissa of forces and moments")
         self.clear_button = QPushButton("Clear points")
         self.save_button = QPushButton("Save")
         menu = QMenu(self)
@@ -87,21 +104,26 @@ class PlotsTab(QWidget):
             "picture": menu.addAction("Picture…", self.save_picture),
             "times": menu.addAction("Curves over time…", self.save_times),
             "frequencies": menu.addAction("Frequency response…", self.save_frequencies),
+            "reactions": menu.addAction("Forces and moments…", self.save_reactions),
         }
         self.save_button.setMenu(menu)
         self.hint = note(_HINT)
-        for box in (self.quantity, self.component):
+        for box in (self.quantity, self.component, self.body, self.abscissa):
             narrow(box, 4)  # in a narrow window, shorten the words rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
+        choices = row(None, (self.body, 1), (self.abscissa, 1))
         second = row(None, (self.clear_button, 1), (self.save_button, 1))
         #: Progress of the curves, with a button that cancels or starts the computation.
         self.progress_bar, self.run_button = QProgressBar(), QPushButton("Cancel")
         self.run_button.clicked.connect(self._cancel_or_compute)
         third = row(None, (self.progress_bar, 1), self.run_button)
-        self._layout = column(self, first, second, None, third, self.hint, margins=(6, 6, 6, 6))
+        parts = first, choices, second, None, third, self.hint
+        self._layout = column(self, *parts, margins=(6, 6, 6, 6))
         self._show_progress("")
         self.rest_timer = single_shot(self, self._request, _REST_TIME)
-        self.quantity.activated.connect(self._draw)
+        self.quantity.activated.connect(self._choose_quantity)
+        self.body.activated.connect(self._draw)
+        self.abscissa.activated.connect(self._draw)
         self.component.activated.connect(self._choose_component)
         document.changed.connect(self._update_hint)
         document.replaced.connect(self._clear_curves)
@@ -120,7 +142,9 @@ class PlotsTab(QWidget):
         if frame.mode is not None:
             return
         self._time = frame.time
-        self._has_motion = frame.cage is not None
+        self._has_curves = (
+            frame.cage is not None or self._document.scene.stage("solver") is not None
+        )
         self._drawn = frame.values
         if self.canvas is not None and self.isVisible():
             self.canvas.set_time(frame.time)
@@ -161,6 +185,17 @@ class PlotsTab(QWidget):
             "response.csv", {".csv": "table"}, partial(_write_csv, _response_columns(self.curves))
         )
 
+    def save_reactions(self) -> None:
+        """Ask for a file name and save the forces and moments over the chosen abscissa."""
+        assert self.curves is not None
+        table = reaction_table(self.curves.reactions[max(self.abscissa.currentIndex(), 0)])
+
+        def save(path: Path) -> None:
+            with atomic_file(path) as file:
+                write_parts(file, [table.encode()])
+
+        self._ask_and_write("reactions.csv", {".csv": "table"}, save)
+
     def showEvent(self, event: QShowEvent) -> None:
         """Create the canvas if there is none, and update the curves."""
         super().showEvent(event)
@@ -169,9 +204,9 @@ class PlotsTab(QWidget):
 
             self.canvas = PlotCanvas()
             self.canvas.time_clicked.connect(self.time_clicked)
-            item = self._layout.takeAt(2)
+            item = self._layout.takeAt(_CANVAS)
             del item
-            self._layout.insertWidget(2, self.canvas, 1)
+            self._layout.insertWidget(_CANVAS, self.canvas, 1)
             self.canvas.setVisible(self.curves is not None)
         self._request_later()
 
@@ -207,7 +242,7 @@ class PlotsTab(QWidget):
         if self._drawn != self._document.values:
             return  # the last run failed or was cancelled, so the engine has older values
         self._key = request.key
-        if self._has_motion:
+        if self._has_curves:
             self.hint.setText("Computing…")
             self._show_progress("Cancel")
             self._engine.start_background(partial(compute_curves, request=request))
@@ -244,22 +279,77 @@ class PlotsTab(QWidget):
             return
         self.shown.emit()
         self.curves = result
-        self._update_hint()
         if result is None:
             self.hint.setText("This scene does not move.")
+        else:
+            self._offer_quantities(result)
+            self._show_largest_component()
         self._enable_tools()
         if self.canvas is not None:
             self.canvas.setVisible(result is not None)
-        if result is not None and not self._component_is_chosen:
-            # Show the component with the largest motion.
-            sizes = abs(result.motion[0]).max(axis=(0, 1), initial=0.0)
-            self.component.setCurrentIndex(int(np.argmax(sizes)))
+        self._draw()
+
+    def _offer_quantities(self, curves: Curves) -> None:
+        """Let the combo boxes offer what the curves contain."""
+        model = self.quantity.model()
+        assert isinstance(model, QStandardItemModel)
+        first = len(QUANTITIES)
+        for number in range(model.rowCount()):
+            is_reaction = number >= first
+            model.item(number).setEnabled(bool(curves.reactions) if is_reaction else curves.moves)
+            model.item(number).setToolTip(
+                _NO_REACTIONS if is_reaction and not curves.reactions else ""
+            )
+        if not model.item(self.quantity.currentIndex()).isEnabled():
+            self._quantity_is_chosen = False
+        if not self._quantity_is_chosen:
+            # Show a motion if there is one.
+            moves = len(curves.points) == 0 or np.ptp(curves.motion[0], axis=1).any()
+            forces = curves.reactions and not (curves.moves and moves)
+            self.quantity.setCurrentIndex(first if forces else 0)
+        over = [_abscissa(each) for each in curves.reactions]
+        names = curves.reactions[0].names if curves.reactions else []
+        for box, texts in ((self.body, ["all bodies", *names]), (self.abscissa, over)):
+            chosen = box.currentText()
+            box.clear()
+            box.addItems(texts)
+            box.setCurrentIndex(max(box.findText(chosen), 0))
+
+    @property
+    def _shown_reactions(self) -> ReactionCurves | None:
+        """The reactions that are chosen; None if the motion of points is."""
+        if self.quantity.currentIndex() < len(QUANTITIES):
+            return None
+        if self.curves is None or not self.curves.reactions:
+            return None
+        return self.curves.reactions[max(self.abscissa.currentIndex(), 0)]
+
+    def _show_largest_component(self) -> None:
+        """Show the component with the largest values, until one is chosen."""
+        if self._component_is_chosen or self.curves is None:
+            return
+        table = self.curves.motion[0]
+        if (reactions := self._shown_reactions) is not None:
+            table, _ = reactions.tables[self._chosen_quantity]
+        sizes = abs(table).max(axis=(0, 1), initial=0.0)
+        self.component.setCurrentIndex(int(np.argmax(sizes)))
+
+    @property
+    def _chosen_quantity(self) -> str:
+        return [*QUANTITIES, *REACTIONS][self.quantity.currentIndex()]
+
+    def _choose_quantity(self) -> None:
+        self._quantity_is_chosen = True
+        self._show_largest_component()
         self._draw()
 
     def _update_hint(self) -> None:
         """Show a hint for use, or that the curves are older than the scene."""
         if self.curves is not None and self.isVisible():
             hint = f"{_HINT if self.points else _FIRST_HINT} {self.curves.note}"
+            if (reactions := self._shown_reactions) is not None:
+                means = " They are means over each time step." if reactions.is_over_time else ""
+                hint = _REACTION_HINT + means
             self.hint.setText(hint if self.curves.key == self.make_request().key else _OLD_CURVES)
 
     def _draw(self) -> None:
@@ -267,9 +357,23 @@ class PlotsTab(QWidget):
             return
         from spacemap_vtk.app.plots.chart import COMPONENTS, CurveOptions
 
-        quantity = list(QUANTITIES)[self.quantity.currentIndex()]
+        reactions = self._shown_reactions
+        for box in (self.body, self.abscissa):
+            box.setVisible(reactions is not None)
+        along = "about" if self._chosen_quantity == "moment" else "along"
+        for number, axis in enumerate("xyz"):
+            self.component.setItemText(number, f"{along} {axis}")
         component = COMPONENTS[self.component.currentIndex()]
-        self.canvas.draw_curves(self.curves, CurveOptions(quantity, component, is_dark(self)))
+        body = self.body.currentIndex() - 1
+        options = CurveOptions(
+            self._chosen_quantity,
+            component,
+            is_dark(self),
+            reactions,
+            body if reactions is not None and body >= 0 else None,
+        )
+        self._update_hint()
+        self.canvas.draw_curves(self.curves, options)
         self.canvas.set_time(self._time)
 
     def _choose_component(self) -> None:
@@ -278,7 +382,7 @@ class PlotsTab(QWidget):
 
     def _clear_curves(self) -> None:
         self.points = []
-        self._component_is_chosen = False
+        self._component_is_chosen = self._quantity_is_chosen = False
         self._key = ""
         self._engine.start_background(None)
         self._show_progress("")
@@ -295,6 +399,12 @@ class PlotsTab(QWidget):
         self.save_actions["frequencies"].setEnabled(
             self.curves is not None and len(self.curves.frequencies) > 0
         )
+        self.save_actions["times"].setEnabled(self.curves is not None and self.curves.moves)
+        self.save_actions["reactions"].setEnabled(
+            self.curves is not None and bool(self.curves.reactions)
+        )
+        for box in (self.body, self.abscissa):
+            box.setVisible(self._shown_reactions is not None)
 
     def _ask_and_write(self, name: str, kinds: dict[str, str], write: Any) -> None:
         path = ask_output_file(self, "Save", name, name_filter("Files", kinds), next(iter(kinds)))
@@ -307,6 +417,12 @@ class PlotsTab(QWidget):
             self.write_failed.emit(error)
         else:
             self.written.emit()
+
+
+def _abscissa(curves: ReactionCurves) -> str:
+    """Return over what reactions are plotted, without its unit."""
+    name = curves.heading.partition(" [")[0]
+    return "over time" if curves.is_over_time else f"over the {name}"
 
 
 def _time_columns(curves: Curves) -> dict[str, FloatArray]:
