@@ -120,8 +120,8 @@ def coarsen_divisions(
     ([26, 32, 1], 2.0)
     >>> coarsen_divisions((9, 3, 3))
     ([6, 2, 2], 1.5)
-    >>> coarsen_divisions((16, 1, 1), edges=([0.4], [], []))  # 6.4 cells are held, and 4.4
-    ([11, 1, 1], 1.4545454545454546)
+    >>> coarsen_divisions((18, 1, 1), edges=([0.4], [], []))  # 7.2 cells are held, and 3.2
+    ([8, 1, 1], 2.25)
     """
     most = max(divisions)
     choices = []

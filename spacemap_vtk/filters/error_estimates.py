@@ -20,10 +20,8 @@ from spacemap_vtk.filters.base import Stage, connect
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.mechanics.boundary.places import (
-    Place,
     ends_between_vertices,
-    find_edges,
-    parse_places,
+    find_spans,
 )
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.convergence import (
@@ -220,8 +218,10 @@ def estimate_errors(solver: ModalSolver) -> ErrorEstimates:
     while not isinstance(chain[-1], TetraCage):
         chain.append(_stage_above(chain[-1]))
     cage, wider, ratios = chain[-1], list[ModalSolver](), list[float]()
-    points, places = points_of(solver.output).astype(np.float64), _places_of(solver)
-    edges = find_edges(points, places)
+    points, places = points_of(solver.output).astype(np.float64), solver.held_places
+    spans = find_spans(points.min(axis=0), points.max(axis=0), places)
+    # The share of the extent on the held side of each edge.
+    edges = [[share for a, b in axis for share in (1 - a, b) if 0 < share < 1] for axis in spans]
     while len(wider) < _WIDER:
         try:
             cage, ratio = cage.make_coarser(edges)
@@ -235,12 +235,6 @@ def estimate_errors(solver: ModalSolver) -> ErrorEstimates:
     if any(ends_between_vertices(points, place) for place in places):
         order = EDGE_ORDER
     return ErrorEstimates(solver, tuple(wider), tuple(ratios), order)
-
-
-def _places_of(solver: ModalSolver) -> list[Place]:
-    """Return the places of all supports and grips."""
-    texts = (*(solver.fixed or ()), *(place for grip in solver.grips for place in grip.place))
-    return parse_places(" ".join(map(str, texts)))
 
 
 def _solve_again(chain: Sequence[Stage], cage: TetraCage) -> ModalSolver:

@@ -55,6 +55,7 @@ from spacemap_vtk.filters.textile_sheet import content_of, sheet_of_textile
 from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.rest_state import read_rest_state
+from spacemap_vtk.mechanics.boundary.places import Place, find_spans, parse_places
 from spacemap_vtk.mechanics.boundary.reactions import find_bearings
 from spacemap_vtk.mechanics.boundary.time_functions import step
 from spacemap_vtk.mechanics.contact.obstacle_term import contact_stiffness
@@ -501,16 +502,16 @@ class ModalSolver(LawParameters, CageFittings, Stage):
 
     def choose_cells(
         self,
-        extent: Floats,
+        bounds: Floats,
         cloth: Cloth | TextileKind | None = None,
         mass: float | None = None,
     ) -> SheetCells | None:
-        """Choose the cells of a sheet for the modes that are wanted, and for its folds.
+        """Choose the cells of a sheet for its modes, folds, supports and obstacles.
 
         Parameters
         ----------
-        extent : ndarray of float64, shape (3,)
-            Sides of the cage's box [m].
+        bounds : ndarray of float64, shape (3, 2)
+            From and to along x, y and z: the cage's box [m].
         cloth : Cloth or TextileKind, optional
             The weave or textile in the cage.
         mass : float, optional
@@ -527,6 +528,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         InputError
             If the material is contradictory.
         """
+        low, high = bounds.T
+        extent = high - low
         normal = int(extent.argmin())
         thickness = float(extent[normal])
         first, second = (float(side) for axis, side in enumerate(extent) if axis != normal)
@@ -543,7 +546,22 @@ class ModalSolver(LawParameters, CageFittings, Stage):
             length = min(data_sheet(plate, own_mass).bending_length)
             if plate.curvature is not None:
                 length = min(length, 1.0 / float(abs(plate.curvature).max()))
-        return choose_sheet_cells((first, second), self.modes, length, narrowest)
+        spans = find_spans(low, high, self.held_places, normal)
+        del spans[normal]
+        return choose_sheet_cells(
+            (first, second),
+            self.modes,
+            length,
+            narrowest,
+            spans,
+            [radius for each in self.obstacles if (radius := each.radius_of_curvature) is not None],
+        )
+
+    @property
+    def held_places(self) -> list[Place]:
+        """The places of supports that were given, and of grips."""
+        texts = (*(self.fixed or ()), *(place for grip in self.grips for place in grip.place))
+        return parse_places(" ".join(map(str, texts)))
 
     def _sheet_and_mass(self, grid: vtkUnstructuredGrid, sheet: Layer) -> tuple[Plate, float]:
         """Return the stiffness of a cage that is a sheet, and its mass per area."""

@@ -258,6 +258,13 @@ class Obstacle(Record):
         return min(self.radius, self._height / 2)
 
     @property
+    def radius_of_curvature(self) -> float | None:
+        """Least radius to which it bends a sheet [m]; None for planes and surfaces from files."""
+        if self.shape in ("disc", "box"):
+            return float(self.body["rounding"])
+        return None if self.radius is None else float(self.radius)
+
+    @property
     def body(self) -> dict[str, Any]:
         """Shape and last place as keyword arguments of `_make_body`, numbers and texts only."""
         moved = self.path[-1] if self.path else (0.0, 0.0, 0.0)

@@ -116,7 +116,8 @@ class TetraCage(Stage):
         "modal.elements. The stiffness of a thin cage of tetrahedra depends more on their width "
         "than on the number of layers.",
         component=Integer(1, "", minimum=1, maximum=100_000),
-        automatic="as many as the modes of a sheet need, and its folds if it hangs, but at most "
+        automatic="as many as the modes of a sheet need, its folds if it hangs, its supports and "
+        "the obstacles over which it bends, but at most "
         f"{MOST_CELLS} cells; for other cloth 5 x 5 x 1; otherwise nearly cubes, {_ALONG} along "
         "the longest side, and one layer if the object is thin",
         automatic_in_scenes=True,
@@ -338,7 +339,7 @@ class TetraCage(Stage):
         mass = data.GetFieldData().GetArray("areal_mass")
         weight = None if mass is None else float(mass.GetValue(0))
         content = content_of(data)
-        self._choose = partial(_choose_cells, extent=extent, cloth=content, mass=weight)
+        self._choose = partial(_choose_cells, bounds=bounds, cloth=content, mass=weight)
         solver = self.solver if self.order == 1 else None
         self._sheet_cells = None if solver is None else self._choose(solver)
         chosen = (5, 5, 1) if cloth is not None else _cubic_divisions(extent)
@@ -348,8 +349,8 @@ class TetraCage(Stage):
             )
             if wanted != chosen:
                 self.warn(
-                    f"the modes and folds of this sheet need cage.divisions of about "
-                    f"{list(wanted)}; the automatic cage is limited to {MOST_CELLS} cells, "
+                    "the modes, folds, supports or obstacles of this sheet need cage.divisions of "
+                    f"about {list(wanted)}; the automatic cage is limited to {MOST_CELLS} cells, "
                     f"{list(chosen)}"
                 )
         self.values_in_use = {"divisions": chosen}
@@ -461,11 +462,11 @@ class TetraCage(Stage):
 
 
 def _choose_cells(
-    solver: ModalSolver, extent: Floats, cloth: Cloth | TextileKind | None, mass: float | None
+    solver: ModalSolver, bounds: Floats, cloth: Cloth | TextileKind | None, mass: float | None
 ) -> SheetCells | None:
     """Return the cells that a solver chooses for a sheet; None for a solid."""
     try:
-        return solver.choose_cells(extent, cloth, mass)
+        return solver.choose_cells(bounds, cloth, mass)
     except SpacemapError:  # of the material; the solver raises it as its own
         return None
 

@@ -110,7 +110,7 @@ def add_errors(
     ratios: tuple[float, float] = (2.0, 2.0),
     order: float = SHEET_ORDER,
 ) -> tuple[list[Reading], list[str]]:
-    """Add errors to figures from the same ones in wider cells, with notes on those not converged."""
+    """Add errors to figures from those in wider cells, with notes on figures not converged."""
     # `ratios` are widths over that of the next narrower cells, `order` the largest power of the
     # width with which errors fall. A figure that does not depend on the cells is exact.
     found, rough = [], []

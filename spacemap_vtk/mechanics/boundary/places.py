@@ -183,34 +183,40 @@ def directions(
     return np.einsum("vi,ij->vij", (found.reshape(len(found), -1) & axes) * 1.0, np.eye(3))
 
 
-def find_edges(vertices: Floats, places: Sequence[Place]) -> list[list[float]]:
-    """Find the edges of boxes and spheres along each axis of a mesh.
+def find_spans(
+    low: Floats, high: Floats, places: Sequence[Place], normal: int | None = None
+) -> list[list[tuple[float, float]]]:
+    """Find where boxes and spheres begin and end along each axis of a mesh.
 
     Parameters
     ----------
-    vertices : ndarray of float64, shape (V, 3)
-        Vertices of the mesh [m].
+    low, high : ndarray of float64, shape (3,)
+        Corners of the mesh's box [m].
     places : sequence of Place
-        Places; only boxes and spheres have edges.
+        Places; only boxes and spheres have spans.
+    normal : int, optional
+        Axis across a sheet, in whose middle spheres are cut.
 
     Returns
     -------
-    list of 3 lists of float
-        Share of the mesh's extent on the side of each edge that is in the place, for each axis.
+    list of 3 lists of tuple of float
+        Begin and end of each place as shares of the mesh's extent, 0 to 1, for each axis.
     """
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    found: list[list[float]] = [[], [], []]
+    found: list[list[tuple[float, float]]] = [[], [], []]
     for place in places:
         if place.shape == "box":
-            edges = np.reshape(place.numbers, (3, 2))
+            ends = np.reshape(place.numbers, (3, 2))
         elif place.shape == "sphere":
             center, radius = np.array(place.numbers[:3]), place.numbers[3]
-            edges = np.stack([center - radius, center + radius], axis=1)
+            if normal is not None:
+                above = (low[normal] + high[normal]) / 2 - center[normal]
+                radius = float(np.sqrt(max(radius**2 - above**2, 0.0)))
+            ends = np.stack([center - radius, center + radius], axis=1)
         else:
             continue
         for axis in np.flatnonzero(high > low):
-            first, last = (edges[axis] - low[axis]) / (high[axis] - low[axis])
-            found[axis] += [share for share in (1.0 - first, last) if 0.0 < share < 1.0]
+            first, last = np.clip((ends[axis] - low[axis]) / (high[axis] - low[axis]), 0.0, 1.0)
+            found[axis].append((float(first), float(last)))
     return found
 
 

@@ -98,8 +98,8 @@ def estimate_error(
     >>> error, converged = estimate_error(10.1, 10.4, 2.0)
     >>> round(error, 9), converged
     (0.3, True)
-    >>> estimate_error(0.6, 1.0, 2.0)
-    Estimate(error=0.4, converged=False)
+    >>> estimate_error(0.5, 1.0, 2.0)
+    Estimate(error=0.5, converged=False)
     """
     size = float(np.linalg.norm(fine))
     step = np.subtract(coarse, fine)
