@@ -18,6 +18,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.cli.options import open_scene
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.unit_cell import shear_gradient
 from spacemap_vtk.io.formats.unit_cell import STRAIN
 from spacemap_vtk.scenes.composite import directional_moduli, unit_cell_model
 from spacemap_vtk.unit_cell.homogenise import homogenise, homogenise_plate
@@ -276,11 +277,12 @@ def test_constants_are_printed_with_their_errors(
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+@pytest.mark.parametrize("shear", [0, pytest.param(35, marks=pytest.mark.nightly)])
 def test_calculix_finds_the_same_stiffness_from_the_deck(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    shear: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     # A fibre whose shear moduli differ, so that axes and moduli may not be swapped.
-    words = ["unit_cell.voxels=8", "unit_cell.fibre=carbon_t300"]
+    words = ["unit_cell.voxels=8", "unit_cell.fibre=carbon_t300", f"unit_cell.shear={shear}"]
     sets = [word for one in words for word in ("--set", one)]
     with pytest.raises(SystemExit) as end:
         main(["unit-cell", "plain_weave", *sets, "-o", str(tmp_path / "cell.inp"), "-q"])
@@ -342,3 +344,19 @@ def test_what_has_no_unit_cell_is_refused(capsys: pytest.CaptureFixture[str]) ->
             main(["constants", *words, "-q"])
         assert end.value.code == 2
         assert text in capsys.readouterr().err
+
+
+def test_a_sheared_cell_of_layers_is_exact() -> None:
+    # Layers along z stay layers; the fibres of one of them turn with the warp.
+    share = np.zeros((8, 4, 4))
+    share[:4] = 1.0
+    number = np.where(share > 0, 0, -1).astype(np.int32)
+    axis = np.broadcast_to([0.0, 1.0, 0.0], (*share.shape, 3))
+    voxels = Voxels(share, number, axis, np.ones_like(share), 0.0)
+    gradient = shear_gradient(np.radians(40.0))
+    made = assign_materials(voxels, np.ones(3), lambda _: YARN, EPOXY, np.float64, gradient)
+    found, _ = homogenise(made, np.ones(3), tolerance=1e-8)
+    lean = np.array([np.sin(np.radians(40.0)), np.cos(np.radians(40.0)), 0.0])
+    turned = symmetric(turn_stiffness(YARN, lean[None])[:, 0])
+    exact = laminate(turned, EPOXY.stiffness, 0.5, [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(found.stiffness, exact, rtol=0, atol=1e-13 * exact.max())

@@ -100,6 +100,14 @@ class UnitCell(Stage):
         minimum=0.0,
         usual_units="mm",
     )
+    shear = Real(
+        0.0,
+        "Angle by which the textile is sheared: weft stays along x, and warp leans towards it. "
+        "Yarns keep their length and their volume, so that the cell becomes higher.",
+        unit="deg",
+        minimum=0.0,
+        maximum=75.0,
+    )
     fibre = Choice("e_glass", "Material of the fibres.", choices=tuple(FIBRES))
     matrix = Choice("epoxy", "Material between the fibres and yarns.", choices=tuple(MATRICES))
     packing = Real(0.65, "Share of fibre in the yarns; the rest is matrix.", above=0.0, maximum=0.9)
@@ -199,7 +207,18 @@ class UnitCell(Stage):
         Phases
             Materials of the voxels.
         """
-        return assign_materials(voxels, spacing, self._yarn_material, self.matrix_material)
+        return assign_materials(
+            voxels,
+            spacing,
+            self._yarn_material,
+            self.matrix_material,
+            gradient=self._gradient,
+        )
+
+    @property
+    def _gradient(self) -> Floats | None:
+        """Deformation gradient of the sheared cell; None if it is not sheared."""
+        return shear_gradient(np.radians(self.shear)) if self.shear else None
 
     def model(self, title: str, patches: vtkUnstructuredGrid) -> UnitCellModel:
         """Make voxels and materials for a file.
@@ -218,8 +237,20 @@ class UnitCell(Stage):
         """
         voxels, spacing = make_unit_cell(self, patches, self.voxels)
         return UnitCellModel(
-            title, voxels, spacing, self._yarn_material, self.matrix_material, self.packing
+            title,
+            voxels,
+            spacing,
+            self._yarn_material,
+            self.matrix_material,
+            self.packing,
+            gradient=self._gradient,
         )
+
+
+def shear_gradient(angle: float) -> Floats:
+    """Return the deformation gradient of a cell that is sheared by an angle [rad]."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.array([[1.0, sine, 0.0], [0.0, cosine, 0.0], [0.0, 0.0, 1 / cosine]])
 
 
 def make_unit_cell(

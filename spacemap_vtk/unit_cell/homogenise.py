@@ -13,8 +13,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.unit_cell.phases import Phases
+from spacemap_vtk.unit_cell.phases import Phases, strain_map
 from spacemap_vtk.unit_cell.voxel_elasticity import Response, VoxelElasticity
 
 #: Empty layers of voxels above a plate: more change nothing.
@@ -108,6 +109,9 @@ def homogenise(
     stiffness = response.energies
     stress = elasticity.mean_power(response.displacements, loads, phases.thermal_stress)
     expansion = np.asarray(np.linalg.solve(stiffness, stress), np.float64)
+    if phases.gradient is not None:
+        back = np.linalg.inv(turn := strain_map(phases.gradient))
+        stiffness, expansion = back.T @ stiffness @ back, turn @ expansion
     return Constants(stiffness, expansion, phases.density), response
 
 
@@ -140,6 +144,8 @@ def homogenise_plate(
 
     Raises
     ------
+    InputError
+        If the cell is deformed.
     SolverError
         If a load does not converge.
 
@@ -149,6 +155,11 @@ def homogenise_plate(
     are periodic in the plane, and the faces are free (D. Caillerie, "Thin elastic and periodic
     plates", Math. Methods Appl. Sci. 6 (1984) 159).
     """
+    if phases.gradient is not None:
+        raise InputError(
+            "the stiffness as a plate is that of a cell that is not sheared",
+            cure="Leave out the shear angle or the plate.",
+        )
     depth, rows, _, width = phases.stiffness.shape
     layers = scipy.fft.next_fast_len(depth + _EMPTY_LAYERS, real=True)
     stiffness = np.zeros((layers, rows, 21, width), phases.stiffness.dtype)

@@ -21,6 +21,8 @@ from spacemap_vtk.unit_cell.rasterise import Voxels
 
 #: Shares of yarn nearer than this to 0 or 1 count as 0 or 1.
 _PURE = 1e-6
+#: Voxels whose stiffness is turned at a time.
+_BLOCK = 50_000
 #: Step in which areas of sections are told apart, as a share of their mean.
 _AREA_STEP = 0.02
 
@@ -42,6 +44,8 @@ class UnitCellModel:
     """Solver for which a deck is written: calculix or abaqus."""
     fields: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     """Further arrays of the voxels, x fastest, (voxels,) or (voxels, components)."""
+    gradient: Floats | None = None
+    """Deformation gradient of the cell, (3, 3)."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,9 @@ class Phases:
     """Stress that keeps it from expanding by one kelvin, (6, nz, ny, nx) [Pa/K]."""
     density: float
     """Mean density [kg/m³]."""
+    gradient: Floats | None = None
+    """Deformation gradient of the cell, (3, 3). If there is one, stiffness and thermal stress refer
+    to the strain FᵀεF, so that the voxels are those of the undeformed cell."""
 
 
 def assign_materials(
@@ -62,6 +69,7 @@ def assign_materials(
     yarn: Callable[[float], Constituent],
     matrix: Constituent,
     dtype: type = np.float32,
+    gradient: Floats | None = None,
 ) -> Phases:
     """Give each voxel its material; voxels that a surface cuts are mixed in layers.
 
@@ -77,6 +85,8 @@ def assign_materials(
         Material between the yarns.
     dtype : type
         Precision.
+    gradient : ndarray, shape (3, 3), optional
+        Deformation gradient F by which the cell is deformed: it becomes a parallelepiped.
 
     Returns
     -------
@@ -90,9 +100,15 @@ def assign_materials(
     density = np.full(flat.shape, float(matrix.density))
     where = np.flatnonzero((flat > _PURE) & (voxels.yarn.ravel() >= 0))
     cut = np.flatnonzero(flat[where] < 1 - _PURE)
-    axes: NDArray[Any] = voxels.direction.reshape(-1, 3)[where].astype(dtype)
-    normal: NDArray[Any] = _normals(share, spacing)[where[cut]].astype(dtype)
-    sections = round_areas(voxels.area.ravel()[where])
+    axes: NDArray[Any] = voxels.direction.reshape(-1, 3)[where]
+    normal: NDArray[Any] = _normals(share, spacing)[where[cut]]
+    area = voxels.area.ravel()[where]
+    if gradient is not None:
+        axes, stretch = _unit(axes @ gradient.T)
+        normal, _ = _unit(normal @ np.linalg.inv(gradient))
+        area = area * np.linalg.det(gradient) / stretch
+    axes, normal = axes.astype(dtype), normal.astype(dtype)
+    sections = round_areas(area)
     turned: NDArray[Any] = np.empty((27, len(where)), dtype)
     for section in np.unique(sections):
         material, own = yarn(float(section)), sections == section
@@ -102,12 +118,15 @@ def assign_materials(
     mixed = where[cut]
     turned[:, cut] = mix_layers(turned[:, cut], made[:, mixed], flat[mixed].astype(dtype), normal)
     made[:, where] = turned
+    if gradient is not None:
+        made = _pull_back(made, gradient)
     depth, rows, width = share.shape
     stiffness = made[:21].reshape(21, depth, rows, width).transpose(1, 2, 0, 3)
     return Phases(
         np.ascontiguousarray(stiffness),
         made[21:].reshape(6, depth, rows, width),
         float(density.mean()),
+        gradient,
     )
 
 
@@ -147,7 +166,51 @@ def mix_none(model: UnitCellModel, dtype: type = np.float64) -> Phases:
     """Give each voxel one material, that of the larger share, as in the decks of other solvers."""
     pure = np.where(model.voxels.fraction >= 0.5, 1.0, 0.0)
     voxels = replace(model.voxels, fraction=pure)
-    return assign_materials(voxels, model.spacing, model.yarn, model.matrix, dtype)
+    return assign_materials(voxels, model.spacing, model.yarn, model.matrix, dtype, model.gradient)
+
+
+def strain_map(gradient: Floats) -> Floats:
+    """Map the strains FᵀεF of a deformed cell to its strains ε.
+
+    Parameters
+    ----------
+    gradient : ndarray, shape (3, 3)
+        Deformation gradient F.
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+        Matrix T of ε = T (FᵀεF), with engineering shear strains.
+    """
+    inverse = np.linalg.inv(gradient)
+    pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+    made = np.empty((6, 6))
+    for column, (i, j) in enumerate(pairs):
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0 if i == j else 0.5
+        strain = inverse.T @ unit @ inverse
+        made[:, column] = [strain[k, m] * (1.0 if k == m else 2.0) for k, m in pairs]
+    return made
+
+
+def _pull_back(values: NDArray[Any], gradient: Floats) -> NDArray[Any]:
+    """Refer stiffnesses and thermal stresses (27, n) to the strain FᵀεF."""
+    turn = strain_map(gradient).astype(values.dtype)
+    made = np.empty_like(values)
+    for start in range(0, values.shape[1], _BLOCK):
+        part = slice(start, start + _BLOCK)
+        full = np.empty((6, 6, *values[0, part].shape), values.dtype)
+        full[UPPER] = full[UPPER[1], UPPER[0]] = values[:21, part]
+        full = np.einsum("ai,abn,bj->ijn", turn, full, turn, optimize=True)
+        made[:21, part] = full[UPPER]
+        made[21:, part] = turn.T @ values[21:, part]
+    return made
+
+
+def _unit(vectors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return unit vectors and lengths."""
+    length = np.linalg.norm(vectors, axis=1)
+    return vectors / length[:, None], length
 
 
 def _normals(share: Floats, spacing: Floats) -> Floats:

@@ -24,8 +24,8 @@ _NAMES = ("xx", "yy", "zz", "yz", "xz", "xy")
 _NOTES = """
 One repeat of a textile in a matrix, in voxels: each has the material of the larger share.
 Units: m, N, Pa. Nodes on opposite faces move alike, but for the displacements of three driver
-nodes (sets DRIVER_X, DRIVER_Y, DRIVER_Z): that of DRIVER_X is the strain times the length of the
-cell along x, and so on. Each of the six steps has one strain of 1e-3; shear strains are the
+nodes (sets DRIVER_X, DRIVER_Y, DRIVER_Z): that of DRIVER_X is the strain times the first edge of
+the cell, and so on. Each of the six steps has one strain of 1e-3; shear strains are the
 engineering ones.
 How to read the stiffness:
 """
@@ -101,12 +101,12 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
     yield "*NODE"
     sizes = (width, rows, depth)
     z, y, x = np.unravel_index(np.arange(nodes.size), nodes.shape)
-    places = np.stack([x, y, z], axis=1) * model.spacing
+    gradient = np.eye(3) if model.gradient is None else model.gradient
+    places = np.stack([x, y, z], axis=1) * model.spacing @ gradient.T
     yield from (f"{n}, {_numbers(row)}" for n, row in enumerate(places.tolist(), 1))
     for axis, driver in enumerate(drivers):
-        place = [0.0, 0.0, 0.0]
-        place[axis] = 1.2 * sizes[axis] * model.spacing[axis]
-        yield f"{driver}, {_numbers(place)}"
+        place = 1.2 * sizes[axis] * model.spacing[axis] * gradient[:, axis]
+        yield f"{driver}, {_numbers(place.tolist())}"
     for name, driver in zip("XYZ", drivers, strict=True):
         yield f"*NSET, NSET=DRIVER_{name}\n{driver}"
     yield "*ELEMENT, TYPE=C3D8, ELSET=CELL"
@@ -117,7 +117,11 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
     )
     yield from (f"{n}, {', '.join(map(str, row))}" for n, row in enumerate(elements.tolist(), 1))
     yarn = (model.voxels.fraction >= 0.5).ravel()
-    sections = np.where(yarn, round_areas(model.voxels.area.ravel()), 0.0)
+    area = model.voxels.area.ravel()
+    if model.gradient is not None:
+        stretch = np.linalg.norm(model.voxels.direction.reshape(-1, 3) @ gradient.T, axis=1)
+        area = area * np.linalg.det(gradient) / np.where(yarn, stretch, 1.0)
+    sections = np.where(yarn, round_areas(area), 0.0)
     for number, section in enumerate(np.unique(sections)):
         name = f"YARN{number}" if section else "MATRIX"
         chosen = np.flatnonzero(sections == section) + 1
@@ -137,9 +141,9 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
         else:
             yield "*DISTRIBUTION, NAME=AXES"
         yield ", 1., 0., 0., 0., 1., 0."
-        axes = model.voxels.direction.reshape(-1, 3)
+        axes = model.voxels.direction.reshape(-1, 3) @ gradient.T
         for number in np.flatnonzero(yarn).tolist():
-            axis = axes[number]
+            axis = axes[number] / np.linalg.norm(axes[number])
             other = np.eye(3)[np.argmin(abs(axis))]
             other = other - (other @ axis) * axis
             yield f"{number + 1}, {_numbers([*axis, *other / np.linalg.norm(other)])}"
@@ -152,10 +156,12 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
         change = ", OP=NEW" if number else ""
         yield f"*STEP\n** unit strain {name}\n*STATIC\n*BOUNDARY{change}"
         yield f"{nodes[0, 0, 0] + 1}, 1, 3"
+        strain = np.zeros((3, 3))
+        for row, column in driven:
+            strain[row, column] = STRAIN / len(driven)
+        moved = strain @ gradient
         for axis, way in product(range(3), repeat=2):
-            value = 0.0
-            if (axis, way) in driven:
-                value = STRAIN * lengths[axis] / len(driven)
+            value = float(moved[way, axis]) * lengths[axis]
             yield f"{drivers[axis]}, {way + 1}, {way + 1}, {value:.13g}"
         if model.solver == "abaqus":
             yield from (f"*NODE PRINT, NSET=DRIVER_{axis}\nRF" for axis in "XYZ")
