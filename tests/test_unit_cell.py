@@ -20,7 +20,7 @@ from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.unit_cell import shear_gradient
 from spacemap_vtk.io.formats.unit_cell import STRAIN
-from spacemap_vtk.scenes.composite import directional_moduli, unit_cell_model
+from spacemap_vtk.scenes.composite import compute_constants, directional_moduli, unit_cell_model
 from spacemap_vtk.unit_cell.homogenise import homogenise, homogenise_plate
 from spacemap_vtk.unit_cell.mixtures import (
     UPPER,
@@ -330,11 +330,30 @@ def test_moduli_are_plotted_over_the_direction(tmp_path: Path) -> None:
     assert b"<svg" in file.read_bytes()
 
 
+def test_cloth_that_is_not_sheared_has_the_same_constants_in_every_cell(tmp_path: Path) -> None:
+    words = ["constants", "yarn_to_cloth", "--voxels", "16"]
+    file = tmp_path / "map.csv"
+    with pytest.raises(SystemExit) as end:
+        main([*words, "--map", str(file), "-q"])
+    assert end.value.code == 0
+    rows = np.genfromtxt(file, delimiter=",", names=True)
+    scene = open_scene("yarn_to_cloth", ["unit_cell.voxels=16"])
+    exact = compute_constants(scene).constants.stiffness
+    np.testing.assert_allclose(rows["C11_Pa"], exact[0, 0], rtol=1e-4)
+    np.testing.assert_allclose(rows["C12_Pa"], exact[0, 1], rtol=1e-4)
+    np.testing.assert_allclose(rows["C66_Pa"], exact[5, 5], rtol=1e-4)
+    # A motion shears it by hundredths of a degree, which only turns the coupling to shear.
+    assert abs(rows["shear_deg"]).max() < 0.1
+    weft = np.stack([rows[f"weft_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(np.linalg.norm(weft, axis=0), 1.0, rtol=1e-12)
+
+
 def test_what_has_no_unit_cell_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     for words, text in (
         (["animal_in_carved_cage"], "has none"),
         (["plain_weave", "--fibre", "wool"], "unit_cell.fibre"),
         (["plain_weave", "-o", "a.vti"], "a.vti"),
+        (["plain_weave", "--map", "a.csv", "--set", "cage.divisions=[2,2,2]"], "need a sheet"),
         (
             ["plain_weave", "--set", "unit_cell.layers=2", "--set", "unit_cell.nesting=1mm"],
             "nesting",

@@ -12,6 +12,7 @@ from spacemap_vtk.cli.options import (
     Quiet,
     SceneName,
     Set,
+    Time,
     name_options,
     number_table,
     open_scene,
@@ -24,7 +25,7 @@ from spacemap_vtk.cli.options import (
 )
 from spacemap_vtk.filters.unit_cell import UnitCell
 from spacemap_vtk.io.registry import describe_writers
-from spacemap_vtk.jobs import ConstantsJob, UnitCellJob
+from spacemap_vtk.jobs import CompositeMapJob, ConstantsJob, UnitCellJob
 from spacemap_vtk.jobs.unit_cell import SOLVERS
 
 if TYPE_CHECKING:
@@ -60,6 +61,15 @@ def constants(
             f"{describe_writers('plot')}, or a table as .csv."
         ),
     ] = None,
+    map_: Annotated[
+        Path | None,
+        Parameter(
+            name="--map",
+            help="Write the constants of each cell of the deformed sheet instead, from unit cells "
+            "sheared as the cloth is: .csv, or .vtp with arrays of the cells.",
+        ),
+    ] = None,
+    time: Time = None,
     plate: Annotated[
         bool, Parameter(help="Compute A, B and D of the cell as a plate, too.", negative=())
     ] = False,
@@ -80,15 +90,18 @@ def constants(
         spacemap constants twill_2_2 --fibre carbon_t300 --packing 0.6
         spacemap constants plain_weave --plate --json
         spacemap constants twill_2_2 -o moduli.svg
+        spacemap constants drape --map constants.csv
         spacemap constants draft.wif --set unit_cell.matrix_modulus=3GPa --set unit_cell.layers=2
     """
-    job = None
-    if output is not None:
-        with name_options():
+    job: ConstantsJob | CompositeMapJob | None = None
+    with name_options():
+        if output is not None:
             job = ConstantsJob(output)
+        elif map_ is not None:
+            job = CompositeMapJob(map_)
     given = {"fibre": fibre, "matrix": matrix, "packing": packing, "voxels": voxels}
     own = [f"unit_cell.{name}={value}" for name, value in given.items() if value is not None]
-    chosen = open_scene(scene, (*own, *set_))
+    chosen = open_scene(scene, (*own, *set_), time=time)
     if job is not None:
         run_job(job, chosen, "Computing", quiet)
         return

@@ -105,7 +105,7 @@ class UnitCell(Stage):
         "Angle by which the textile is sheared: weft stays along x, and warp leans towards it. "
         "Yarns keep their length and their volume, so that the cell becomes higher.",
         unit="deg",
-        minimum=0.0,
+        minimum=-75.0,
         maximum=75.0,
     )
     fibre = Choice("e_glass", "Material of the fibres.", choices=tuple(FIBRES))
@@ -192,7 +192,7 @@ class UnitCell(Stage):
         rule = YARN_RULES[self.yarn_rule]
         return rule(self.fibre_material, self.matrix_material, packing)
 
-    def assign(self, voxels: Voxels, spacing: Floats) -> Phases:
+    def assign(self, voxels: Voxels, spacing: Floats, gradient: Floats | None = None) -> Phases:
         """Assign a material to each voxel.
 
         Parameters
@@ -201,6 +201,8 @@ class UnitCell(Stage):
             Share, number and direction of yarns.
         spacing : ndarray, shape (3,)
             Size of a voxel [m].
+        gradient : ndarray, shape (3, 3), optional
+            Deformation gradient of the cell; by default that of the parameter `shear`.
 
         Returns
         -------
@@ -212,7 +214,7 @@ class UnitCell(Stage):
             spacing,
             self._yarn_material,
             self.matrix_material,
-            gradient=self._gradient,
+            gradient=self._gradient if gradient is None else gradient,
         )
 
     @property
@@ -248,7 +250,18 @@ class UnitCell(Stage):
 
 
 def shear_gradient(angle: float) -> Floats:
-    """Return the deformation gradient of a cell that is sheared by an angle [rad]."""
+    """Compute the deformation gradient of a cell that is sheared.
+
+    Parameters
+    ----------
+    angle : float
+        Angle by which the warp leans towards the weft [rad].
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        Gradient with unchanged lengths of yarns and unchanged volume.
+    """
     sine, cosine = np.sin(angle), np.cos(angle)
     return np.array([[1.0, sine, 0.0], [0.0, cosine, 0.0], [0.0, 0.0, 1 / cosine]])
 

@@ -15,11 +15,12 @@ from spacemap_vtk.jobs.plan import PlanJob
 from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob, ReactionsJob
 from spacemap_vtk.jobs.print_draft import PrintJob
 from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
-from spacemap_vtk.jobs.unit_cell import ConstantsJob, UnitCellJob
+from spacemap_vtk.jobs.unit_cell import CompositeMapJob, ConstantsJob, UnitCellJob
 
 __all__ = [
     "JOBS",
     "BiaxialJob",
+    "CompositeMapJob",
     "ConstantsJob",
     "Context",
     "DataJob",

@@ -65,6 +65,40 @@ class UnitCellJob(Job):
 
 @register()
 @dataclass
+class CompositeMapJob(Job):
+    """Constants of a composite in each cell of deformed cloth, as .csv or .vtp."""
+
+    output: Path
+    #: Time in s. None: that of the scene's picture.
+    time: float | None = None
+
+    kind = "composite_map"
+    command = "constants --map"
+
+    def __post_init__(self) -> None:
+        check_output(self.output, {".csv": "table", ".vtp": "surface"})
+
+    def write(self, context: Context) -> str:
+        """Compute the constants of all cells and write them."""
+        from spacemap_vtk.scenes.composite_map import map_as_rows, map_as_surface, map_constants
+
+        def report(share: float) -> None:
+            context.progress(round(_STEPS * share), _STEPS)
+
+        time = context.scene.view.time if self.time is None else self.time
+        found = map_constants(context.scene, time, report)
+        if self.output.suffix.lower() == ".csv":
+            with self.open_output(context.atomic) as file:
+                write_parts(file, [format_csv(map_as_rows(found)).encode()])
+        else:
+            self.write_output(context, "surface", map_as_surface(found))
+        context.progress(_STEPS, _STEPS)
+        angles = ", ".join(f"{angle:.0f}°" for angle in found.angles)
+        return f"{len(found.shear)} cells, from cells sheared by {angles}"
+
+
+@register()
+@dataclass
 class ConstantsJob(Job):
     """Young's modulus of a composite in all directions of its plane, as a plot or .csv."""
 

@@ -170,18 +170,7 @@ def mix_none(model: UnitCellModel, dtype: type = np.float64) -> Phases:
 
 
 def strain_map(gradient: Floats) -> Floats:
-    """Map the strains FᵀεF of a deformed cell to its strains ε.
-
-    Parameters
-    ----------
-    gradient : ndarray, shape (3, 3)
-        Deformation gradient F.
-
-    Returns
-    -------
-    ndarray, shape (6, 6)
-        Matrix T of ε = T (FᵀεF), with engineering shear strains.
-    """
+    """Return the matrix T (6, 6) of ε = T (FᵀεF), with engineering shear strains."""
     inverse = np.linalg.inv(gradient)
     pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
     made = np.empty((6, 6))

@@ -349,7 +349,18 @@ class VoxelElasticity:
 
 
 def symmetric(upper: Floats) -> Floats:
-    """Return symmetric matrices (…, 6, 6) of their upper triangles (…, 21)."""
+    """Return symmetric matrices of their upper triangles.
+
+    Parameters
+    ----------
+    upper : ndarray, shape (..., 21)
+        Upper triangles, row by row.
+
+    Returns
+    -------
+    ndarray, shape (..., 6, 6)
+        Matrices.
+    """
     full = np.zeros((*upper.shape[:-1], 6, 6))
     full[..., UPPER[0], UPPER[1]] = upper
     full[..., UPPER[1], UPPER[0]] = upper
