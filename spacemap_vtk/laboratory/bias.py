@@ -33,12 +33,14 @@ from spacemap_vtk.laboratory.records import (
     Curve,
     Measurement,
     Reading,
+    States,
     add_errors,
 )
 from spacemap_vtk.mechanics.boundary.fittings import NO_FITTINGS
 from spacemap_vtk.mechanics.boundary.grips import Grip
 from spacemap_vtk.mechanics.contact.path import states_on_path
-from spacemap_vtk.mechanics.elements.shell import find_mid_surface, shape_slopes
+from spacemap_vtk.mechanics.contact.surfaces import Surface
+from spacemap_vtk.mechanics.elements.shell import MidSurface, find_mid_surface, shape_slopes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -69,6 +71,8 @@ class Pulled(NamedTuple):
     """(n,), force per width [N/m]."""
     angle: Floats
     """(n,), shear angle in the middle [rad]."""
+    states: States
+    """Its states, pulled upwards."""
 
 
 def measure(fabric: Fabric, progress: Progress) -> Measurement:
@@ -77,12 +81,13 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
     kinematic = kinematic_angle(extension)
     # the loops of a knit have no angle that rigid yarns would keep
     curves = [] if fabric.loops else [Curve("rigid yarns", extension, kinematic)]
-    figures, before = [], 0.0
+    figures, states, before = [], None, 0.0
     for cells, after in _CELLS:
         found = pull_bias(fabric, extension, partial(_report_part, progress, before, after), cells)
         figures.append(_readings(extension, found))
         before = after
-        if len(figures) == 1:
+        if states is None:
+            states = found.states
             curves.insert(0, Curve("middle", extension, found.angle))
     count = [cells for cells, _ in _CELLS]
     ratios = count[0] / count[1], count[1] / count[2]
@@ -98,6 +103,7 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         Axis("extension", PERCENT),
         Axis("shear angle", DEGREE),
         [note, *doubts],
+        states=states,
     )
 
 
@@ -170,7 +176,9 @@ def pull_bias(
     near = np.linalg.norm(rest.mean(axis=1), axis=1) < _MIDDLE * WIDTH
     slopes = shape_slopes(np.zeros(2))
     legs = np.linalg.inv(np.einsum("ka,eai->eik", slopes, rest[near]))
-    force, angle = [], []
+    force, angle, moved = [], [], []
+    # In the film the bias points upwards.
+    upright = np.array([[half, -half, 0.0], way, [0.0, 0.0, 1.0]])
     for number, state in enumerate(states_on_path(model, grips=[grip])):
         places = surface.to_nodes(points + state.displacement)[surface.quads][near][..., :2]
         weft, warp = (np.einsum("ka,eai->eik", slopes, places) @ legs).mean(axis=0).T
@@ -178,5 +186,26 @@ def pull_bias(
         # Pulled along the bisector of weft and warp, they close.
         angle.append(np.pi / 2 - np.arccos(cosine))
         force.append(float(state.holding[upper].sum(axis=0) @ way) / WIDTH)
+        moved.append((points + state.displacement) @ upright.T - points)
         progress((number + 1) / len(extension))
-    return Pulled(np.array(force), np.array(angle))
+    states = States(
+        points,
+        tetrahedra,
+        np.array(moved),
+        np.stack([extension, angle], axis=1),
+        "front",
+        _cut_strip(points, surface),
+    )
+    return Pulled(np.array(force), np.array(angle), states)
+
+
+def _cut_strip(points: Floats, surface: MidSurface) -> Surface:
+    """Make the mid-surface of the specimen, whose edges halve cells."""
+    middle = surface.to_nodes(points)[: len(surface.pairs)]
+    along, across = abs(middle @ [[1.0, 1.0], [1.0, -1.0], [0.0, 0.0]]).T / 2**0.5
+    inside = ((along < LENGTH / 2 * (1 + 1e-9)) & (across < WIDTH / 2 * (1 + 1e-9)))[surface.quads]
+    whole, cut = surface.quads[inside.all(axis=1)], inside.sum(axis=1) == 3
+    triangles = np.concatenate(
+        [whole[:, [0, 1, 2]], whole[:, [0, 2, 3]], surface.quads[cut][inside[cut]].reshape(-1, 3)]
+    )
+    return Surface(middle, np.tile([0.0, 0.0, 1.0], (len(middle), 1)), triangles)

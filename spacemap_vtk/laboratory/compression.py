@@ -16,6 +16,7 @@ Society of Japan (1980).
 
 from __future__ import annotations
 
+from functools import partial
 from math import isfinite
 
 import numpy as np
@@ -32,6 +33,8 @@ from spacemap_vtk.laboratory.records import (
     Curve,
     Measurement,
     Reading,
+    States,
+    map_sheet,
     mark_exact,
 )
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -41,6 +44,8 @@ from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 FIRST, LARGEST = 0.5 * GF_PER_CM2.size, 50.0 * GF_PER_CM2.size
 #: Points of the curve, and steps of the search for D.
 _POINTS, _BISECTIONS = 201, 60
+#: Yarns along the sides of the part that a film shows, and number of its states, there and back.
+_PART, _STATES = 8, 41
 _NO_LOSS = "what fibres lose when they are pressed is not known"
 
 
@@ -85,7 +90,28 @@ def measure(fabric: Fabric, progress: Progress) -> Measurement:
         Axis("thickness", MILLIMETRE),
         Axis("pressure", GF_PER_CM2),
         notes,
+        states=_press_part(fabric, thickness, pressure),
     )
+
+
+def _press_part(fabric: Fabric, thickness: Floats, pressure: Floats) -> States:
+    """Compute the states of a part of the cloth, which lies on the plate z = 0."""
+    assert fabric.cloth is not None
+    phase = np.linspace(0.0, 2.0, _STATES)
+    which = np.round((len(thickness) - 1) * (1.0 - abs(phase - 1.0))).astype(int)
+    warp, weft = (_PART * family.spacing for family in fabric.cloth.families)
+    return map_sheet(
+        (warp, weft),
+        fabric.thickness,
+        (2, 2),
+        [partial(_pressed, thickness=t, rest=fabric.thickness) for t in thickness[which]],
+        np.stack([thickness, pressure], axis=1)[which],
+    )
+
+
+def _pressed(flat: Floats, thickness: float, rest: float) -> tuple[Floats, Floats]:
+    places = np.concatenate([flat, np.full((len(flat), 1), thickness / 2)], axis=1)
+    return places, np.broadcast_to([0.0, 0.0, thickness / rest], places.shape)
 
 
 def flatten(yarns: YarnMechanics, force: Floats) -> Floats:

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.cage.lattice import build_lattice
+from spacemap_vtk.mechanics.contact.surfaces import Surface
 from spacemap_vtk.mechanics.modal.convergence import SHEET_ORDER, estimate_error
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.units import GRAVITY, format_quantity, format_uncertain, typeset_units
 
 _GF = 1e-3 * GRAVITY
@@ -178,6 +179,14 @@ class States:
     marks: Floats
     #: Camera that shows the test well, as in a scene's view.
     camera: str = "lying"
+    #: Middle of the undeformed specimen, if it is not a rectangle along its yarns.
+    surface: Surface | None = None
+    #: Parts of the instrument that do not move.
+    fixtures: Sequence[Surface] = ()
+    #: (n, k, 2) Line in the plot in each state [SI], instead of a mark.
+    lines: Floats | None = None
+    #: What the plot says beside a line in each state.
+    captions: Sequence[str] = ()
 
     @property
     def size(self) -> tuple[float, float]:
@@ -197,6 +206,13 @@ class Measurement:
     #: Sentences about the test and its figures.
     notes: Sequence[str] = ()
     states: States | None = None
+    #: Finds the states, where that takes long and only a film needs them.
+    find_states: Callable[[Progress], States] | None = None
+
+    @property
+    def has_film(self) -> bool:
+        """Whether the specimen can be filmed."""
+        return self.states is not None or self.find_states is not None
 
     def reading(self, symbol: str, direction: str = "") -> Reading:
         """Return a figure by its symbol and direction.

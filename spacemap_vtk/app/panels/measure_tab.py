@@ -176,7 +176,7 @@ class MeasureTab(QWidget):
                 item.setToolTip(reading.note)
                 self.table.setItem(line, place, item)
         self.save_button.setEnabled(True)
-        self.save_actions[".gif"].setEnabled(measurement.states is not None)
+        self.save_actions[".gif"].setEnabled(measurement.has_film)
         self._draw()
 
     def _draw(self) -> None:
