@@ -194,7 +194,8 @@ LIMITS: dict[str, Limit] = {
         most=math.radians(45.0),
         unit="deg",
         basis="normals that lean to opposite sides at the ends of an edge are upright on average; "
-        "in cells six times as wide as the radius of a bend they save more than 80 % of its energy "
+        "in cells six times as wide as the radius of a bend they save more than 80 % of its "
+        "energy, and reversed from one line of vertices to the next two thirds in any cells "
         "(`tests/test_applicability.py`); normals at a clamp lean by half the turn of its cell",
         beyond="the fold has lost most of its rigidity",
         cure="increase cage.divisions, so that cells are no longer than the radius of the folds, "
