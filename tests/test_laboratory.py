@@ -29,6 +29,7 @@ from spacemap_vtk.laboratory.catalogue import TESTS, find_test
 from spacemap_vtk.laboratory.fabric import Fabric
 from spacemap_vtk.mechanics.elements.membrane_law import LinearLaw
 from spacemap_vtk.mechanics.elements.plates import Plate
+from spacemap_vtk.mechanics.modal.convergence import estimate_error
 from spacemap_vtk.scenes.laboratory import fabric_of
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.contact_law import ContactLaw, VanWykContact
@@ -292,10 +293,12 @@ def test_stiff_ring_sags_as_a_plate() -> None:
 
 
 def test_stiff_cloth_has_a_drape_coefficient_of_one() -> None:
-    stiff = Plate(PLATE.membrane, 1e5 * PLATE.bending)
-    found = find_test("drape").measure(Fabric(stiff, 4e-4, 0.15))
-    assert found.reading("DC").value == pytest.approx(1.0, abs=1e-4)
-    assert found.reading("nodes").value == 0
+    fabric = Fabric(Plate(PLATE.membrane, 1e5 * PLATE.bending), 4e-4, 0.15)
+    rings = [drape.build_ring(4e-4, 32, 4)]
+    # Also from waves, which straighten.
+    for (state,) in drape.find_drapes(fabric, rings, lambda share: None):
+        assert state.coefficient == pytest.approx(1.0, abs=1e-4)
+        assert state.nodes == 0
 
 
 def test_folds_below_the_discs_cast_no_shadow_of_their_own() -> None:
@@ -309,7 +312,7 @@ def test_folds_below_the_discs_cast_no_shadow_of_their_own() -> None:
 
 
 def test_cells_of_the_ring_follow_the_bending_length() -> None:
-    for rigidity, cells in ((1e-3, (64, 8)), (4e-6, (128, 16))):
+    for rigidity, cells in ((4e-6, (128, 16)), (1e-6, (256, 32))):
         plate = Plate(PLATE.membrane, rigidity * np.eye(3))
         assert drape.choose_cells(Fabric(plate, 4e-4, 0.15)) == cells
 
@@ -352,8 +355,8 @@ def test_energy_of_a_drape_is_the_work_of_its_weight() -> None:
 def test_drape_of_yarns_lies_within_its_error() -> None:
     """A state of eight nodes: cells half as wide as those of a measurement are the reference."""
     fabric = fabric_of(Scene.read("yarn_to_cloth"))
-    cells = [(around, around // 8) for around in (64, 128, 256)]
-    assert drape.choose_cells(fabric) == cells[1]
+    cells = [(around, around // 8) for around in (32, 64, 128, 256)]
+    assert drape.choose_cells(fabric) == cells[2]
     guess, found = None, []
     for number in cells:
         ring = drape.build_ring(fabric.thickness, *number)
@@ -361,22 +364,23 @@ def test_drape_of_yarns_lies_within_its_error() -> None:
         state = drape.hang(fabric, ring, guess, lambda share: None)
         guess = drape.refine_ring(ring, state.moved)
         found.append(state)
-    assert [state.nodes for state in found] == [8, 8, 8]
-    coarse, used, fine = (state.coefficient for state in found)
-    error = drape.estimate_error(used, coarse, 2.0, order=drape.ORDER).error
+    assert [state.nodes for state in found] == [8, 8, 8, 8]
+    coarsest, coarse, used, fine = (state.coefficient for state in found)
+    error = estimate_error(used, coarse, 2.0, coarsest=coarsest).error
     assert error < 0.03
     assert fine == pytest.approx(used, abs=error)
 
 
 @pytest.mark.nightly
-def test_limp_cloth_drapes_to_nothing() -> None:
-    coefficients = []
-    for rigidity in (4e-5, 4e-6, 4e-7):
+def test_softer_cloth_drapes_more_and_in_more_folds() -> None:
+    coefficients, nodes = [], []
+    for rigidity in (4e-5, 4e-6):
         plate = Plate(np.diag([1500.0, 1500.0, 30.0]), rigidity * np.diag([1, 1, 0.5]))
         found = find_test("drape").measure(Fabric(plate, 4e-4, 0.15))
         coefficients.append(found.reading("DC").value)
-    assert coefficients == sorted(coefficients, reverse=True)
-    assert coefficients[-1] < 0.15
+        nodes.append(found.reading("nodes").value)
+    assert coefficients[0] > coefficients[1] + 0.2
+    assert nodes[0] < nodes[1]
 
 
 def test_nodes_are_maxima_of_the_edge() -> None:

@@ -13,11 +13,11 @@ it leaves the discs: it is a sheet on a polar lattice. Cloth that only lies on o
 behind its edge, and drapes otherwise. The discs are thin: folds may hang below them.
 
 A cloth can drape in several ways, and does so in the laboratory. Here it starts flat, and with each
-of some numbers of waves, in cells that are twice as wide as the last ones; the state of least
-energy is then found in the last cells, and both give an estimate of the error. The membrane has the
-law of the yarns, if the cloth has one; from the flat start, Newton's method needs the state of a
-linear membrane first. This one has the stiffness of strips with free sides, as yarns of a hanging
-cloth exchange crimp.
+of some numbers of waves, in cells that are four times as wide as the last ones, then twice; the
+state of least energy is then found in the last cells, and the three give an estimate of the error.
+The membrane has the law of the yarns, if the cloth has one; from the flat start, Newton's method
+needs the state of a linear membrane first. This one has the stiffness of strips with free sides, as
+yarns of a hanging cloth exchange crimp.
 
 Sources: G. E. Cusick, "The measurement of fabric drape", J. Textile Inst. 59 (1968) T253; ISO
 9073-9.
@@ -56,9 +56,9 @@ from spacemap_vtk.units import GRAVITY
 
 #: Radii of the cloth and of the disc [m].
 CLOTH, DISC = 0.15, 0.09
-#: Cells round the ring and outwards: of stiff cloth, and of cloth whose bending length is less than
-#: three of these cells.
-CELLS, FINE_CELLS = (64, 8), (128, 16)
+#: Cells round the ring and outwards, and those of cloth whose bending length is less than three of
+#: these cells.
+CELLS, FINE_CELLS = (128, 16), (256, 32)
 _PER_LENGTH = 3.0
 #: Numbers of waves with which cloth starts; 0 is flat.
 _WAVES = (0, 4, 5, 6, 7, 8, 9)
@@ -68,9 +68,6 @@ _SLOPE, _WAVE, _RUN_IN = 0.45, 0.3, 0.015
 _FIRST_WAVE = 0.3
 #: Drape coefficients of states that differ.
 _DIFFERENT = 5e-3
-#: Order in which the coefficient converges: the plain cotton of the scene "yarn_to_cloth" has 37.3,
-#: 38.4 and 39.1 % in 64 x 8, 128 x 16 and 256 x 32 cells.
-ORDER = 1.0
 #: Least height of a fold that is counted as a node [m].
 _NODE = 1e-3
 #: Shares of the weight in the states of a film; below the first one a cotton is nearly flat.
@@ -129,35 +126,35 @@ class Drape(NamedTuple):
 def measure(fabric: Fabric, progress: Progress) -> Measurement:
     """Let a round cloth hang over a round disc."""
     around, outwards = cells = choose_cells(fabric)
-    wide = build_ring(fabric.thickness, around // 2, outwards // 2)
-    found = find_drapes(fabric, wide, partial(_report_part, progress, 0.0, 0.7))
-    coarse = min(found, key=lambda state: state.energy)
-    fine = build_ring(fabric.thickness, *cells)
+    rings = [build_ring(fabric.thickness, around // n, outwards // n) for n in (4, 2)]
+    found = find_drapes(fabric, rings, partial(_report_part, progress, 0.0, 0.7))
+    first, second = min(found, key=lambda states: states[-1].energy)
+    guess = refine_ring(second.ring, second.moved)
     report = partial(_report_part, progress, 0.7, 1.0)
-    last = hang(fabric, fine, refine_ring(wide, coarse.moved), report)
+    last = hang(fabric, build_ring(fabric.thickness, *cells), guess, report)
     error = estimate_error(
         last.coefficient,
-        coarse.coefficient,
+        second.coefficient,
         2.0,
-        order=ORDER,
-        same_state=last.nodes == coarse.nodes,
+        coarsest=first.coefficient,
+        same_state=last.nodes == second.nodes,
     )
     readings = [
         Reading("DC", "drape coefficient", "", last.coefficient, PERCENT, error.error),
         Reading("nodes", "folds", "", float(last.nodes), PURE),
     ]
-    angle, radius = outline(fine, last.moved).T
+    angle, radius = outline(last.ring, last.moved).T
     return Measurement(
         readings,
         [Curve("edge of the cloth", angle, radius)],
         Axis("angle from the weft", DEGREE),
         Axis("radius of the shadow", MILLIMETRE),
         [
-            _describe_others(found, coarse),
+            _describe_others([states[-1] for states in found], second),
             *(["the membrane is linear"] if fabric.plate.law is None else []),
             *([] if error.converged else ["the drape coefficient still depends on the cells"]),
         ],
-        find_states=partial(descend, fabric, coarse),
+        find_states=partial(descend, fabric, second),
     )
 
 
@@ -179,16 +176,22 @@ def choose_cells(fabric: Fabric) -> tuple[int, int]:
     return CELLS if length > _PER_LENGTH * (CLOTH - DISC) / CELLS[1] else FINE_CELLS
 
 
-def find_drapes(fabric: Fabric, ring: Ring, progress: Progress) -> list[Drape]:
-    """Find states of a ring, from a flat start and from waves."""
-    found = []
+def find_drapes(fabric: Fabric, rings: list[Ring], progress: Progress) -> list[list[Drape]]:
+    """Find states from a flat start and from waves; each in all rings, the widest cells first."""
+    found: list[list[Drape]] = []
     for number, waves in enumerate(_WAVES):
         report = partial(_report_part, progress, number / len(_WAVES), (number + 1) / len(_WAVES))
+        guess = wave(rings[0], waves) if waves else None
+        states = []
         try:
-            found.append(hang(fabric, ring, wave(ring, waves) if waves else None, report))
+            for ring in rings:
+                states.append(hang(fabric, ring, guess, report))
+                guess = refine_ring(ring, states[-1].moved)
         except SolverError:
             if not found:  # from the flat start at least
                 raise
+            continue
+        found.append(states)
     return found
 
 
