@@ -286,6 +286,19 @@ def check_tricot(scene: Scene) -> None:
     assert 2.0 < found["thickness"] / 1e-4 < 6.0
 
 
+def check_braid_on_rod(scene: Scene) -> None:
+    """What the upper half of the rod does not need of the braid's length hangs on both sides."""
+    scene.update_stage(scene.modal)
+    grid = scene.modal.output
+    points = points_of(grid) + vtk_to_numpy(grid.GetPointData().GetArray("equilibrium"))
+    flat, (_, width, height) = np.ptp(points_of(grid), axis=0), np.ptp(points, axis=0)
+    thickness = flat[2]
+    radius = 16e-3 + thickness / 2
+    hanging = (flat[1] - math.pi * radius) / 2
+    assert height == pytest.approx(hanging + radius + thickness / 2, rel=0.03)
+    assert width == pytest.approx(2 * radius + thickness, rel=0.03)
+
+
 def check_leno(scene: Scene) -> None:
     found = {figure.key: figure.value for figure in scene.textile.figures}
     assert found["crossing_crimp"] > found["standing_crimp"] > 0.0
@@ -334,6 +347,9 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "garter": check_knit(0.71, 1.04),
     "seed_stitch": check_knit(0.77, 0.91),
     "tricot": check_tricot,
+    # 32 stitches of a 3.98th of 19.2 mm each.
+    "sleeve": check_figures(tube_diameter=32 * 19.2e-3 / 3.98 / math.pi),
+    "braid_on_rod": check_braid_on_rod,
     # Taut strands lie in two layers at each crossing.
     "three_strand_plait": check_figures(pick_length=15e-3, thickness=12e-3),
     # Helices on the mean radius, half a diameter more than mandrel and inner yarns.
@@ -365,6 +381,7 @@ SHORTER = {
     "drape": ("cage.divisions=[16,20,1]", *half_the_yarns(40, 50, "15 mm")),
     "overhang": half_the_yarns(40, 12, "3 mm"),
     "pennant": ("cage.divisions=[10,2,1]", *half_the_yarns(35, 10, "20 mm")),
+    "sleeve": ("cage.divisions=[6,14,6]", "surface.subdivisions=1"),
     "squall": ("cage.divisions=[4,8,1]", *half_the_yarns(30, 40, "20 mm")),
     "drop": (
         "cage.divisions=[8,8,1]",

@@ -9,20 +9,22 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.filters.textiles.kind import Crossed, Rest, TextileKind, yarn_lengths
-from spacemap_vtk.ndarrays import AnyInts, Progress
-from spacemap_vtk.parameters import Choice, Integer, Real
+from spacemap_vtk.ndarrays import AnyInts, Floats, Ints, Progress
+from spacemap_vtk.parameters import Choice, Flag, Integer, Real
 from spacemap_vtk.textile.rods.braid import draw_strip, draw_tube
 from spacemap_vtk.textile.rods.guess import Guess
 
 #: Braid angle of a tube, and pick length of a strip in diameters, if none are given.
 _ANGLE, _PITCH = 45.0, 2.5
+#: Colour of a mandrel.
+_GREY = (142, 150, 160)
 
 
 class Braid(TextileKind):
     """Carriers that pass over and under each other, along y."""
 
     name = "braid"
-    family_names = ("carriers",)
+    family_names = ("carriers", "mandrel")
     colors = ((196, 62, 58), (238, 226, 200), (52, 84, 122))
 
     form = Choice("tubular", "Form of a braid: round a mandrel, or a strip.", ["tubular", "flat"])
@@ -41,6 +43,11 @@ class Braid(TextileKind):
         plausible=(1e-6, 1.0),
         usual_units="mm",
         automatic="so that yarns cover most of it",
+        when={"form": ("tubular",)},
+    )
+    draw_mandrel = Flag(
+        False,
+        "Also draw the mandrel; it has the density of the yarns.",
         when={"form": ("tubular",)},
     )
     pick_length = Real(
@@ -104,9 +111,35 @@ class Braid(TextileKind):
         return self.repeats_along, self.repeats_along
 
     @property
+    def _has_mandrel(self) -> bool:
+        return bool(self.draw_mandrel) and self.form == "tubular"
+
+    def lines(self, progress: Progress | None = None) -> list[Floats]:
+        """Repeat the carriers, and draw the mandrel from end to end."""
+        lines = super().lines(progress)
+        if not self._has_mandrel:
+            return lines
+        along = np.concatenate(lines)[:, 1]
+        reach = self._mandrel * self.size
+        places = np.linspace(along.min() - reach, along.max() + reach, 4 * self.repeats_along + 4)
+        return [*lines, places[:, None] * np.array([0.0, 1.0, 0.0])]
+
+    @property
+    def line_families(self) -> Ints:
+        """0 for the carriers, 1 for the mandrel."""
+        return np.append(super().line_families, [1] * self._has_mandrel)
+
+    @property
+    def line_diameters(self) -> Floats:
+        """Diameters of the carriers and of the mandrel [m]."""
+        return np.append(super().line_diameters, [self._mandrel * self.size] * self._has_mandrel)
+
+    @property
     def line_colors(self) -> AnyInts:
-        """Colours repeated over the carriers."""
-        return self.palette[np.arange(len(self.line_families)) % len(self.palette)]
+        """Colours repeated over the carriers; the mandrel is grey."""
+        carriers = len(super().line_families)
+        colors = self.palette[np.arange(carriers) % len(self.palette)]
+        return np.concatenate([colors, [_GREY]]).astype(np.uint8) if self._has_mandrel else colors
 
     @property
     def parts(self) -> int:

@@ -9,10 +9,11 @@ import numpy as np
 from spacemap_vtk import cache
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import FabricFigure
-from spacemap_vtk.filters.textiles.kind import Rest, TextileKind, keep_recent, recent
+from spacemap_vtk.filters.textiles.kind import CONTACT, Rest, TextileKind, keep_recent, recent
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Integer, Parameter, Real
+from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.knit import (
     Selvedges,
     courses_and_passes,
@@ -22,6 +23,7 @@ from spacemap_vtk.textile.rods.knit import (
     strip_wales,
 )
 from spacemap_vtk.textile.rods.loops import POINTS, column_starts
+from spacemap_vtk.textile.rods.rolled import Rolled, repeat_round, roll_yarns
 from spacemap_vtk.textile.rods.stitches import (
     CHART_GRAMMAR,
     GRAMMAR,
@@ -36,6 +38,10 @@ from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Length of yarn in a stitch, in diameters, if none is given.
 STITCH = 16.0
+#: Least number of stitches round a tube.
+LEAST_ROUND = 8
+#: The tube that was relaxed last, by digest.
+_tubes: dict[str, Rolled] = {}
 #: The selvedges that were relaxed last, by digest.
 _selvedges: dict[str, Selvedges] = {}
 
@@ -120,8 +126,9 @@ class Knit(TextileKind):
         "cut",
         "Sides of the piece. cut: each course is a yarn of its own; turned: the yarn turns at the "
         "selvedges and knits the next course, except where the colour changes. Selvedges take some "
-        "seconds to relax, and need 3 wales and rows of one colour.",
-        ["cut", "turned"],
+        "seconds to relax, and need 3 wales and rows of one colour. joined: a tube, as a sleeve, "
+        "whose face is outside; each course is a ring of all wales.",
+        ["cut", "turned", "joined"],
     )
 
     set_share = Real(
@@ -133,6 +140,17 @@ class Knit(TextileKind):
     )
 
     springs = loops = True
+
+    def cell_of_sheet(self, progress: Progress | None = None) -> Rest:
+        """Return the yarns of a flat knit; a tube is no sheet."""
+        if self.edges == "joined":
+            raise InputError(
+                "a knitted tube is no sheet",
+                key="material",
+                value="yarns",
+                cure="Choose other edges, or another material.",
+            )
+        return super().cell_of_sheet(progress)
 
     @property
     def set_in_use(self) -> float:
@@ -188,7 +206,7 @@ class Knit(TextileKind):
     @property
     def _turns(self) -> bool:
         """Whether yarns turn at the sides of the piece."""
-        if self.edges == "cut" or self.wales < 3:
+        if self.edges != "turned" or self.wales < 3:
             return False
         if len(self._passes) > self._passes[-1].row + 1:
             raise InputError(
@@ -223,6 +241,38 @@ class Knit(TextileKind):
             _selvedges.clear()
             _selvedges[key] = Selvedges(**parts, wales=strip, overlap=float(found["overlap"][0]))
         return _selvedges[key]
+
+    def tube(self) -> Rolled | None:
+        """Return the yarns of a tube, in diameters; None if the sides are not joined."""
+        if self.edges != "joined":
+            return None
+        (yarns, cell, _), count = self.rest(), len(self._passes[0].letters)
+        if self.wales % count or self.wales < max(LEAST_ROUND, 3 * count):
+            raise InputError(
+                "repeats do not close a tube",
+                key="wales",
+                value=self.wales,
+                allowed=f"multiples of {count} from {max(LEAST_ROUND, 3 * count)}",
+            )
+        key = self._key(f"tube of {self.wales}")
+        if key not in _tubes:
+            sizes = [len(yarn.points) for yarn in yarns]
+            found = cache.load(key, points=(sum(sizes), 3), cell=(2, 3), overlap=(1,))
+            if found is None:
+                ones, mean = np.ones(len(yarns)), self._stitch_diameters / POINTS
+                mechanics = RodMechanics(1e3 * ones, ones, CONTACT, mean * ones)
+                made = roll_yarns(yarns, cell, mechanics, self.wales // count)
+                points = np.concatenate([yarn.points for yarn in made.yarns])
+                found = {"points": points, "cell": made.cell, "overlap": np.array([made.overlap])}
+                cache.store(key, **found)
+            parts = np.split(found["points"], np.cumsum(sizes)[:-1])
+            _tubes.clear()
+            _tubes[key] = Rolled(
+                [yarn._replace(points=part) for yarn, part in zip(yarns, parts, strict=True)],
+                found["cell"],
+                float(found["overlap"][0]),
+            )
+        return _tubes[key]
 
     def _lines(self) -> tuple[AnyInts, Bools]:
         """Return the colour of each pass, and whether its yarn is that of the pass below."""
@@ -262,6 +312,12 @@ class Knit(TextileKind):
     def lines(self, progress: Progress | None = None) -> list[Floats]:
         """Repeat the relaxed loops, between selvedges or cut."""
         rest, joined = self.rest(progress), self._lines()[1].tolist()
+        if (tube := self.tube()) is not None:
+            passes, rows = self._passes, self._passes[-1].row + 1
+            laid = courses_and_passes(passes, self.courses)
+            repeats = self.wales // len(passes[0].letters)
+            rings = repeat_round(tube, [(course // rows, n) for course, n in laid], repeats)
+            return [ring * self.scale for ring in rings]
         sides = self.sides(progress)
         lines = repeat_knit(
             rest.yarns, rest.cell, self._passes, self.wales, self.courses, sides, joined
@@ -274,13 +330,18 @@ class Knit(TextileKind):
         wale = float(rest.cell[0, 0]) / len(passes[0].letters) * self.size
         course = float(rest.cell[1, 1]) / (passes[-1].row + 1) * self.size
         loop = self.stitch_length or STITCH * self.size
-        return [
+        found = [
             FabricFigure("course_spacing", "course spacing", course, "m"),
             FabricFigure("wale_spacing", "wale spacing", wale, "m"),
             FabricFigure("loop_length", "loop length", loop, "m"),
             FabricFigure("kc", "loop length over course spacing", loop / course),
             FabricFigure("kw", "loop length over wale spacing", loop / wale),
         ]
+        if (tube := self.tube()) is not None:
+            repeats = self.wales // len(passes[0].letters)
+            mean = float(tube.cell[0, 0]) * repeats / np.pi * self.size
+            found.append(FabricFigure("tube_diameter", "diameter of the tube", mean, "m"))
+        return found
 
     def lengths(self, rest: Rest) -> Floats:
         """Return the given length of each yarn of a repeat, without its stretch."""
@@ -289,5 +350,5 @@ class Knit(TextileKind):
 
     def largest_overlap(self, rest: Rest) -> float:
         """Return the largest overlap of the repeat and its selvedges, in diameters."""
-        sides = self.sides()
-        return rest.overlap if sides is None else max(rest.overlap, sides.overlap)
+        others = self.sides() or self.tube()
+        return rest.overlap if others is None else max(rest.overlap, others.overlap)
