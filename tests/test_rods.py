@@ -15,6 +15,8 @@ from spacemap_vtk.textile.rods.stitches import plan_passes
 from spacemap_vtk.textile.rods.tubes import spline_lines
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
+#: Stiffness of contact of `relax_knit`, for a bending stiffness and a diameter of 1.
+CONTACT = 1.2e4
 NO_CELL = np.zeros((2, 3))
 GIVEN = np.zeros((2, 3), dtype=bool)
 RECTANGLE = np.array([[True, False, False], [False, True, False]])
@@ -121,16 +123,20 @@ def test_rib_is_narrow_and_garter_short_and_both_are_thick():
 
 
 @pytest.mark.nightly
-def test_ten_perturbed_starts_come_to_one_state():
-    guess, random = draw_loops(plan_passes(["k"]), 16.0), np.random.default_rng(0)
-    mechanics = RodMechanics(np.array([1e3]), np.ones(1), 3e3, np.array([16.0 / 24]))
-    energies = []
+@pytest.mark.parametrize("length", [16.0, 25.0])
+def test_ten_perturbed_starts_come_to_one_state(length):
+    guess, random = draw_loops(plan_passes(["k"]), length), np.random.default_rng(0)
+    mechanics = RodMechanics(np.array([1e3]), np.ones(1), CONTACT, np.array([length / POINTS]))
+    energies, cells = [], []
     for _ in range(10):
         yarn = guess.yarns[0]
         moved = yarn.points + 0.05 * random.normal(size=yarn.points.shape)
         start = [yarn._replace(points=moved)]
-        energies.append(relax_yarns(start, guess.cell, mechanics, RECTANGLE).state.energy)
+        found = relax_yarns(start, guess.cell, mechanics, RECTANGLE)
+        energies.append(found.state.energy)
+        cells.append(np.diag(found.cell))
     assert np.ptp(energies) < 1e-4 * energies[0]
+    assert np.ptp(cells, axis=0) == pytest.approx(0.0, abs=5e-3 * cells[0].min())
 
 
 def test_yarns_that_start_in_each_other_are_refused():
@@ -146,7 +152,7 @@ def test_yarns_that_start_in_each_other_are_refused():
 
 def flat_stiffness(found, count=1, length=16.0):
     mechanics = RodMechanics(
-        np.full(count, 1e3), np.ones(count), 3e3, np.full(count, length / POINTS)
+        np.full(count, 1e3), np.ones(count), CONTACT, np.full(count, length / POINTS)
     )
     return mechanics, cell_stiffness(found.yarns, found.cell, mechanics, RECTANGLE)
 
@@ -181,7 +187,8 @@ def test_stockinette_curls_to_the_back_at_its_sides_and_to_the_face_at_its_ends(
 def test_rib_and_garter_do_not_curl():
     for rows in (["kp"], ["k", "p"]):
         stiffness = flat_stiffness(spacings(rows)[0], len(rows))[1]
-        assert abs(stiffness.moment).max() < 1e-6
+        # stockinette has 0.15; loops of rib lean by a little to one side
+        assert abs(stiffness.moment).max() < 1e-4
         assert np.linalg.eigvalsh(stiffness.membrane).min() > 0.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import numpy as np
@@ -103,8 +104,8 @@ def test_carriers_that_do_not_fit_are_refused():
 
 def test_a_new_kind_is_one_class():
     class Ropes(TextileKind):
-        strands = Braid.parameters["carriers"]
-        turns = Braid.parameters["over"]
+        strands = copy.copy(Braid.parameters["carriers"])
+        turns = copy.copy(Braid.parameters["over"])
 
     both = combine({**KINDS, "ropes": Ropes}, ["knit"])
     assert "ropes" in both.parameters["kind"].choices

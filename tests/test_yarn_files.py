@@ -25,12 +25,12 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.rods.curves import (
     Curve,
     CurveSet,
-    find_largest_overlap,
     fit_yarns,
     relax_curves,
     repeat_yarns,
 )
 from spacemap_vtk.textile.rods.knit import relax_knit
+from spacemap_vtk.textile.rods.overlap import find_largest_overlap
 from spacemap_vtk.textile.rods.yarns import Yarn, basis_functions
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING
 

@@ -16,11 +16,11 @@ from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.rods.curves import (
     Curve,
     CurveSet,
-    find_largest_overlap,
     fit_yarns,
     relax_curves,
     repeat_yarns,
 )
+from spacemap_vtk.textile.rods.overlap import find_largest_overlap
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 #: Length of 1 in a file that names no unit [m].
@@ -185,7 +185,7 @@ def piece_of(made: FileYarns, repeats: tuple[int, int]) -> Piece:
 def file_figures(made: FileYarns, density: float) -> list[FabricFigure]:
     """List lengths, cell, thickness and mass; `density` is that of yarns [kg/m3]."""
     samples, z = sample_yarns(made.yarns), unknowns(made.yarns, made.cell)
-    speed = np.linalg.norm((samples.slope @ z.ravel()).reshape(-1, 3), axis=1)
+    speed = np.linalg.norm(samples.slopes(z), axis=1)
     lengths = np.bincount(samples.yarn, speed * samples.weight)
     half = samples.diameter[samples.yarn] / 2
     height = samples.places(z)[:, 2]

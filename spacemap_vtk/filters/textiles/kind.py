@@ -34,7 +34,7 @@ DIAMETER = 5e-4
 
 #: Stiffness of contact of yarns in a sheet, over B and the fifth power of their diameter, as for
 #: the relaxation of knits.
-CONTACT = 3e3
+CONTACT = 1.2e4
 
 #: The kinds by name.
 KINDS: dict[str, type[TextileKind]] = {}
@@ -325,8 +325,8 @@ def keep_recent(key: str, rest: Rest) -> Rest:
 def yarn_lengths(rest: Rest) -> Floats:
     """Compute the length of each yarn until it repeats itself, (Y,)."""
     samples = sample_yarns(rest.yarns)
-    speed = (samples.slope @ unknowns(rest.yarns, rest.cell).ravel()).reshape(-1, 3)
-    return np.asarray(np.bincount(samples.yarn, np.linalg.norm(speed, axis=1) * samples.weight))
+    speed = np.linalg.norm(samples.slopes(unknowns(rest.yarns, rest.cell)), axis=1)
+    return np.asarray(np.bincount(samples.yarn, speed * samples.weight))
 
 
 class Crossed(TextileKind):

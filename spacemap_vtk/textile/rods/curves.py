@@ -1,4 +1,4 @@
-"""Yarns given by points on their centre lines: splines through them, overlaps, and relaxation."""
+"""Yarns given by points on their centre lines: splines through them, and relaxation."""
 
 from __future__ import annotations
 
@@ -9,36 +9,18 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Floats, Progress
-from spacemap_vtk.parallel import blocks
-from spacemap_vtk.textile.rods.contact import (
-    Pairs,
-    find_pairs,
-    mean_diameters,
-    move_to_image,
-)
 from spacemap_vtk.textile.rods.energy import RodMechanics
+from spacemap_vtk.textile.rods.overlap import drawn_points
 from spacemap_vtk.textile.rods.relax import Relaxed, relax_yarns
-from spacemap_vtk.textile.rods.yarns import (
-    Yarn,
-    basis_functions,
-    sample_yarns,
-    unknowns,
-)
+from spacemap_vtk.textile.rods.yarns import Yarn, basis_functions, sample_yarns, unknowns
 
 #: Length of a span of yarns that are relaxed, in diameters.
 SPAN = 0.65
 #: Stiffness in tension and contact for a bending stiffness and a diameter of 1: yarns overlap by
 #: less than 0.5 %.
-_TENSION, _CONTACT = 1e3, 6e3
+_TENSION, _CONTACT = 1e3, 1.2e4
 #: Largest deviation of resampled yarns from the curve through their points, in diameters.
 _DEVIATION = 0.01
-#: Distances of samples along yarns where overlaps are searched, in diameters: of short yarns, and
-#: of long ones, which have about this number of samples.
-_SAMPLE, _COARSEST, _MOST_SAMPLES = 0.1, 0.5, 200_000
-#: Number of pairs of samples whose nearest points are computed together.
-_BLOCK = 2**18
-#: Rounds in which the nearest points of two yarns are found.
-_ROUNDS = 3
 #: Most spans between two points of a file.
 _MOST_SPANS = 64
 
@@ -98,16 +80,6 @@ class Fit(NamedTuple):
     yarns: list[Yarn]
     deviation: float
     """Largest distance from the curves through the points [m]."""
-
-
-class Overlap(NamedTuple):
-    """The place where two yarns overlap most."""
-
-    share: float
-    """Overlap over the mean diameter; negative if yarns do not touch."""
-    yarns: tuple[int, int]
-    place: Floats
-    """(3,) Middle between the two centre lines [m]."""
 
 
 def fit_yarns(given: CurveSet, span: float | None = None) -> Fit:
@@ -232,84 +204,6 @@ def _deviation(yarn: Yarn, move: Floats | None, place: object, at: Floats) -> fl
     return float(np.linalg.norm(gap, axis=2).max())
 
 
-def drawn_points(yarn: Yarn, move: Floats | None) -> Floats:
-    """Return the control points of one period, with the three that close the last span."""
-    return yarn.points if move is None else np.vstack([yarn.points, yarn.points[:3] + move])
-
-
-def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats) -> Overlap | None:
-    """Find where two yarns, images included, or two parts of one overlap most.
-
-    Parameters
-    ----------
-    yarns : sequence of Yarn
-        Centre lines with their diameters.
-    cell : ndarray of float64, shape (2, 3)
-        Period vectors [m].
-
-    Returns
-    -------
-    Overlap or None
-        The largest overlap; None if no two centre lines are nearer than the largest diameter.
-    """
-    z = unknowns(yarns, cell)
-    chords = [_chords(yarn, cell) for yarn in yarns]
-    lengths = np.array([each.mean() for each in chords])
-    longest, total = max(each.max() for each in chords), sum(each.sum() for each in chords)
-    least, most = (end(yarn.diameter for yarn in yarns) for end in (min, max))
-    fine = float(np.clip(total / least / _MOST_SAMPLES, _SAMPLE, _COARSEST))
-    count = int(np.clip(np.ceil(longest / (fine * least)), 1, 4 * _MOST_SPANS))
-    samples = sample_yarns(yarns, (np.arange(count) + 0.5) / count, np.full(count, 1.0 / count))
-    pairs = find_pairs(samples, z, lengths, (1.0 + fine) * most)
-    # Near its sample, a yarn is followed by half the way to the next one, with its bend.
-    slope = (samples.slope @ z.ravel()).reshape(-1, 3) / (2.0 * count)
-    bend = (samples.bend @ z.ravel()).reshape(-1, 3) / (8.0 * count**2)
-    place = samples.places(z)
-    worst: Overlap | None = None
-    for part in blocks(len(pairs.first), _BLOCK):
-        own = Pairs(*(each[part] for each in pairs))
-        i, j = own.first, own.second
-        apart = place[i] - move_to_image(place[j], own.shift, cell, samples.turn)
-        middle, distance = _nearest_points(apart, slope[i], bend[i], slope[j], bend[j])
-        share = 1.0 - distance / mean_diameters(samples, own)
-        k = int(share.argmax())
-        if worst is None or share[k] > worst.share:
-            owners = int(samples.yarn[i[k]]), int(samples.yarn[j[k]])
-            worst = Overlap(float(share[k]), owners, place[i[k]] + middle[k])
-    return worst
-
-
-def _nearest_points(
-    apart: Floats, slope_i: Floats, bend_i: Floats, slope_j: Floats, bend_j: Floats
-) -> tuple[Floats, Floats]:
-    """Compute the middle between the nearest points of pairs of short arcs, and their distance."""
-    # An arc is s slope + s² bend, s from -1 to 1; the second one begins at -`apart`.
-    s, t = np.zeros((2, len(apart)))
-    middle, distance = np.zeros_like(apart), np.full(len(apart), np.inf)
-    for _ in range(_ROUNDS):
-        step = s[:, None] * slope_i + s[:, None] ** 2 * bend_i
-        gap = apart + step - t[:, None] * slope_j - t[:, None] ** 2 * bend_j
-        found = np.linalg.norm(gap, axis=1)
-        better = found < distance
-        distance[better], middle[better] = found[better], (step - gap / 2)[better]
-        a, b = slope_i + 2 * s[:, None] * bend_i, slope_j + 2 * t[:, None] * bend_j
-        aa, bb, ab, ga, gb = (
-            np.einsum("ci,ci->c", *two) for two in ((a, a), (b, b), (a, b), (gap, a), (gap, b))
-        )
-        aa, bb = 1.01 * aa, 1.01 * bb  # for parallel yarns
-        area = aa * bb - ab**2
-        s = np.clip(s + (ab * gb - bb * ga) / area, -1.0, 1.0)
-        t = np.clip(t + (aa * gb - ab * ga) / area, -1.0, 1.0)
-    return middle, distance
-
-
-def _chords(yarn: Yarn, cell: Floats) -> Floats:
-    """Compute the distances of the ends of each span, (spans,) [m]."""
-    line = drawn_points(yarn, None if yarn.periods is None else np.asarray(yarn.periods) @ cell)
-    ends = (line[:-2] + 4.0 * line[1:-1] + line[2:]) / 6.0
-    return np.asarray(np.linalg.norm(np.diff(ends, axis=0), axis=1))
-
-
 def relax_curves(
     given: CurveSet, keep_cell: bool = False, progress: Progress | None = None
 ) -> tuple[Relaxed, float]:
@@ -342,8 +236,7 @@ def relax_curves(
     scaled = given.scaled(1.0 / size)
     yarns, deviation = fit_yarns(scaled, SPAN)
     samples = sample_yarns(yarns)
-    slope = (samples.slope @ unknowns(yarns, scaled.cell).ravel()).reshape(-1, 3)
-    speed = np.linalg.norm(slope, axis=1)
+    speed = np.linalg.norm(samples.slopes(unknowns(yarns, scaled.cell)), axis=1)
     lengths = np.bincount(samples.yarn, speed * samples.weight) / samples.spans
     own = samples.diameter
     mechanics = RodMechanics(_TENSION * own**2, own**4, _CONTACT, lengths)

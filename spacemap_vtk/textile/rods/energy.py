@@ -3,24 +3,30 @@
     E = ½ (EA/ℓ) ∫ (|r′| - ℓ)² du + ½ B ∫ κ² ds + ½ k ∬ max(D - |r_i - r_j - m·P|, 0)² ds ds′
 
 ℓ is the length of a span at rest, κ² ds = |r′ × r″|²/|r′|⁵ du, and D the mean of two diameters.
-Lengths in the contact term are those at rest, so that its weights are constant.
+Lengths in the contact term are those at rest, so that its weights are constant. Contact has samples
+of its own, closer together than those of stretch and bending.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.ndarrays import Floats
-from spacemap_vtk.textile.rods.contact import Pairs, find_pairs, mean_diameters, separate
-from spacemap_vtk.textile.rods.yarns import Samples, image_matrices
+from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.textile.rods.assembly import Blocks, add_blocks, add_gradients
+from spacemap_vtk.textile.rods.contact import find_pairs, mean_diameters
+from spacemap_vtk.textile.rods.yarns import Samples
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 _EYE = np.eye(3)
+#: Distance of the samples of contact for the whole stiffness, in diameters. Yarns that cross touch
+#: over a length that grows with the fourth root of what they overlap.
+SPACING = 0.05
+#: Most samples of contact in a span.
+_MOST = 64
 
 
 class RodMechanics(NamedTuple):
@@ -38,202 +44,300 @@ class RodMechanics(NamedTuple):
     """Radius of a rigid cylinder about the y axis, which yarns do not enter [m]; 0 for none."""
 
 
+class Pairs(NamedTuple):
+    """Pairs of samples that may touch."""
+
+    images: Samples
+    """The spans of the cell, followed by those of images that are near it."""
+    first: Ints
+    """(C,) Number of the first sample; pairs of the same two spans follow each other."""
+    second: Ints
+    """(C,) Number of the second sample."""
+    diameter: Floats
+    """(C,) Mean diameter of the two yarns [m]."""
+    area: Floats
+    """(C,) Product of the lengths at rest that both stand for [m²]."""
+
+    def select(self, which: Bools | Ints) -> Pairs:
+        """Return some of the pairs."""
+        return Pairs(
+            self.images,
+            self.first[which],
+            self.second[which],
+            self.diameter[which],
+            self.area[which],
+        )
+
+    def separate(self, z: Floats) -> Floats:
+        """Compute the vectors from the second to the first samples, (C, 3) [m]."""
+        place = self.images.places(z)
+        return np.asarray(place[self.first] - place[self.second])
+
+
+class RodEnergy:
+    """Energy of yarns in a periodic cell as a function of z."""
+
+    def __init__(self, samples: Samples, mechanics: RodMechanics, spacing: float = SPACING) -> None:
+        # `spacing` is the distance of samples of contact in diameters.
+        self.samples, self.mechanics = samples, mechanics
+        fewest = float((mechanics.length / samples.diameter).max()) / spacing
+        count = int(np.clip(np.ceil(fewest), 1, _MOST))
+        at = (np.arange(count) + 0.5) / count
+        #: Samples of contact.
+        self.surface = samples.resample(at, np.full(count, 1.0 / count))
+
+    def softened(self, share: float) -> RodEnergy:
+        """Return the energy with a share of the stiffness of tension and contact."""
+        own = self.mechanics
+        soft = own._replace(tension=share * own.tension, contact=share * own.contact)
+        return RodEnergy(self.samples, soft, SPACING * share**-0.25)
+
+    def pairs_within(self, z: Floats, reach: float) -> Pairs:
+        """Find the pairs of samples nearer than `reach` [m]."""
+        surface, count = self.surface, len(self.surface.basis[0])
+        found = find_pairs(surface, z, self.mechanics.length, reach)
+        spans = len(surface.nodes)
+        span, part = np.divmod(found.second, count)
+        moved = found.shift.any(axis=1)
+        keys = np.column_stack([span, found.shift])[moved]
+        images, which = np.unique(keys, axis=0, return_inverse=True)
+        image = span.copy()
+        image[moved] = spans + which.ravel()
+        own, shift = images[:, 0], images[:, 1:]
+        whole = surface._replace(
+            nodes=np.concatenate([surface.nodes, surface.nodes[own]]),
+            wraps=np.concatenate([surface.wraps, surface.wraps[own] + shift[:, None]]),
+        )
+        ds = surface.weight * self.mechanics.length[surface.yarn]
+        return Pairs(
+            whole,
+            found.first,
+            image * count + part,
+            mean_diameters(surface, found),
+            ds[found.first] * ds[found.second],
+        )
+
+    def evaluate(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> State:
+        """Compute the energy and its derivatives."""
+        # `pairs` are at least all pairs of samples nearer than a diameter; `thickness` is the
+        # share of their diameters that yarns have.
+        return State(self, z, pairs, thickness)
+
+    def lengths(self, z: Floats) -> Floats:
+        """Compute the length of each yarn in one period [m], (Y,)."""
+        speed = np.linalg.norm(self.samples.slopes(z), axis=1)
+        lengths = np.bincount(self.samples.yarn, speed * self.samples.weight)
+        return np.asarray(lengths, dtype=np.float64)
+
+
 class State:
     """Energy of yarns in one place, its gradient, and its second derivatives when asked for."""
 
-    def __init__(
-        self,
-        z: Floats,
-        parts: Floats,
-        gradient: Floats,
-        products: list[tuple[csr_matrix, Floats]],
-    ) -> None:
+    def __init__(self, energy: RodEnergy, z: Floats, pairs: Pairs, thickness: float) -> None:
+        samples, images = energy.samples, pairs.images
+        corners, places = samples.corners(z), images.places(z)
+        self._beam = _Beam(energy, samples.combine(corners, 1), samples.combine(corners, 2))
+        self._contact = _Contact(energy.mechanics.contact, places, pairs, thickness)
+        self._mandrel = _Mandrel(energy, places[: len(energy.surface.weight)], thickness)
+        forces = self._contact.sum(self._contact.force, len(places))
+        forces[: len(self._mandrel.force)] += self._mandrel.force
+        values = images.gather(forces, 0)
+        own = values[: len(corners)]
+        own += samples.gather(self._beam.by_slope, 1) + samples.gather(self._beam.by_bend, 2)
         #: (n + 2, 3) Control points and period vectors [m].
         self.z = z
         #: (3,) Energies of stretch, bending and contact per cell [J].
-        self.parts = parts
+        self.parts = np.array([*self._beam.parts, self._contact.energy + self._mandrel.energy])
         #: (n + 2, 3) Derivatives by z [N].
-        self.gradient = gradient
-        #: Matrices X (m k, 3n + 6) and blocks (m, k, k), whose sum of X^T blocks X is the tangent.
-        self._products = products
+        self.gradient = add_gradients(images, values, len(z))
+        self._samples, self._images = samples, images
 
     @property
     def energy(self) -> float:
         """Energy per cell [J]."""
         return float(self.parts.sum())
 
-    def tangent(self, definite: bool = False) -> csr_matrix:
+    def tangent(self, convexity: float = 0.0) -> csr_matrix:
         """Compute the second derivatives, (3n + 6, 3n + 6) [N/m]."""
-        # If `definite`, the negative curvature of each sample and each contact is left out.
-        from scipy.sparse import csr_matrix
+        # A share `convexity` of the negative curvature of each sample and contact is left out.
+        images, contact = self._images, self._contact
+        blocks = contact.blocks(convexity)
+        places = contact.sum(blocks, len(images.nodes) * len(images.basis[0]))
+        mandrel = self._mandrel.blocks(convexity)
+        places[: len(mandrel)] += mandrel
+        own = _weigh(places[:, None, :, None], images.basis[:1])
+        spans = len(self._samples.nodes)
+        own[:spans] += _weigh(self._beam.blocks(convexity), self._samples.basis[1:])
+        numbers = np.arange(len(images.nodes))
+        first, second, mixed = contact.mixed(blocks, images.basis[0])
+        parts = [
+            Blocks(numbers, numbers, own),
+            Blocks(first, second, mixed),
+            Blocks(second, first, mixed.transpose(0, 3, 4, 1, 2)),
+        ]
+        return add_blocks(images, parts, len(self.z)).tocsr()
 
-        total = csr_matrix((self.z.size, self.z.size))
-        for wide, blocks in self._products:
-            if definite:
-                values, vectors = np.linalg.eigh(blocks)
-                blocks = (vectors * np.maximum(values, 0.0)[:, None]) @ vectors.swapaxes(1, 2)
-            total = total + wide.T @ (_block_diagonal(blocks) @ wide)
-        return total
 
+class _Beam:
+    """Stretch and bending at the samples."""
 
-class RodEnergy:
-    """Energy of yarns in a periodic cell as a function of z."""
-
-    def __init__(self, samples: Samples, mechanics: RodMechanics) -> None:
-        self.samples, self.mechanics = samples, mechanics
-        #: (S,) Length of a span at rest [m], and length that a sample stands for [m].
-        self._span = mechanics.length[samples.yarn]
-        self._ds = samples.weight * self._span
-
-    def softened(self, share: float) -> RodEnergy:
-        """Return the energy with a share of the stiffness of tension and contact."""
-        own = self.mechanics
-        soft = own._replace(tension=share * own.tension, contact=share * own.contact)
-        return RodEnergy(self.samples, soft)
-
-    def pairs_within(self, z: Floats, reach: float) -> Pairs:
-        """Find the pairs of samples nearer than `reach` [m]."""
-        return find_pairs(self.samples, z, self.mechanics.length, reach)
-
-    def evaluate(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> State:
-        """Compute the energy and its derivatives."""
-        # `pairs` are at least all pairs of samples nearer than a diameter; `thickness` is the
-        # share of their diameters that yarns have.
-        samples = self.samples
-        a, b = ((each @ z.ravel()).reshape(-1, 3) for each in (samples.slope, samples.bend))
+    def __init__(self, energy: RodEnergy, a: Floats, b: Floats) -> None:
+        samples, mechanics = energy.samples, energy.mechanics
+        span = mechanics.length[samples.yarn]
         aa, bb, ab = (np.einsum("si,si->s", *pair) for pair in ((a, a), (b, b), (a, b)))
         speed = np.sqrt(aa)
-
-        stiff = self.mechanics.tension[samples.yarn] / self._span * samples.weight
-        over = speed - self._span
-        along = a / speed[:, None]
-        by_a = (stiff * over)[:, None] * along
-        by_aa = (stiff * self._span / speed)[:, None, None] * _outer(along, along)
-        by_aa += (stiff * over / speed)[:, None, None] * _EYE
-
+        stiff = mechanics.tension[samples.yarn] / span * samples.weight
+        over = speed - span
         # κ² ds = f du with f = (aa bb - ab²)/aa^(5/2), a = r′ and b = r″. Derivatives of f by the
         # three products:
-        rigid = self.mechanics.bending[samples.yarn] * samples.weight / 2
+        rigid = mechanics.bending[samples.yarn] * samples.weight / 2
         p5, p7 = rigid * aa**-2.5, rigid * aa**-3.5
         f_a = 2.5 * p7 * ab**2 - 1.5 * p5 * bb
         f_aa = 3.75 * p7 * bb - 8.75 * p7 / aa * ab**2
         f_b, f_ab, f_c, f_cc, f_ac = p5 * aa, -1.5 * p5, -2.0 * p5 * ab, -2.0 * p5, 5.0 * p7 * ab
-        by_a += 2 * f_a[:, None] * a + f_c[:, None] * b
-        by_b = 2 * f_b[:, None] * b + f_c[:, None] * a
-        f_a, f_aa, f_b, f_ab, f_c, f_cc, f_ac = (
-            each[:, None, None] for each in (f_a, f_aa, f_b, f_ab, f_c, f_cc, f_ac)
-        )
+        # The stretch is a function of aa, too.
+        f_a += stiff * over / speed / 2
+        f_aa += stiff * span / (4 * speed**3)
+        pulled = stiff * over / speed
+        self._aa, self._p5 = aa, p5
+        self._stretch = pulled, (stiff - np.maximum(pulled, 0.0)) / aa
+        self.parts = float(stiff @ over**2) / 2, float((p5 * (aa * bb - ab**2)).sum())
+        self.by_slope = 2 * f_a[:, None] * a + f_c[:, None] * b
+        self.by_bend = 2 * f_b[:, None] * b + f_c[:, None] * a
+        self._a, self._b, self._f = a, b, (f_a, f_b, f_c, f_aa, f_ab, f_ac, f_cc)
+
+    def blocks(self, convexity: float) -> Floats:
+        """Compute the second derivatives by slope and bend, (S, 2, 3, 2, 3)."""
+        a, b = self._a, self._b
+        f_a, f_b, f_c, f_aa, f_ab, f_ac, f_cc = (each[:, None, None] for each in self._f)
         a_a, a_b, b_b = _outer(a, a), _outer(a, b), _outer(b, b)
         b_a = a_b.swapaxes(1, 2)
-        blocks = np.empty((len(a), 6, 6))
-        blocks[:, :3, :3] = by_aa + 2 * f_a * _EYE + 4 * f_aa * a_a
-        blocks[:, :3, :3] += 2 * f_ac * (a_b + b_a) + f_cc * b_b
-        blocks[:, :3, 3:] = 4 * f_ab * a_b + 2 * f_ac * a_a + f_c * _EYE + f_cc * b_a
-        blocks[:, 3:, :3] = blocks[:, :3, 3:].swapaxes(1, 2)
-        blocks[:, 3:, 3:] = 2 * f_b * _EYE + f_cc * a_a
-        products = [(self._slopes_and_bends, blocks)]
+        blocks = np.empty((len(a), 2, 3, 2, 3))
+        blocks[:, 0, :, 0] = 2 * f_a * _EYE + 4 * f_aa * a_a
+        blocks[:, 0, :, 0] += 2 * f_ac * (a_b + b_a) + f_cc * b_b
+        blocks[:, 0, :, 1] = 4 * f_ab * a_b + 2 * f_ac * a_a + f_c * _EYE + f_cc * b_a
+        blocks[:, 1, :, 0] = blocks[:, 0, :, 1].swapaxes(1, 2)
+        blocks[:, 1, :, 1] = 2 * f_b * _EYE + f_cc * a_a
+        if convexity:
+            blocks += convexity * (self._convex_blocks() - blocks)
+        return blocks
 
-        gradient = samples.slope.T @ by_a.ravel() + samples.bend.T @ by_b.ravel()
-        curved = p5 * (aa * bb - ab**2)
-        parts = np.array([stiff @ over**2 / 2, curved.sum(), 0.0])
-
-        contacts = self.contacts(z, pairs, thickness)
-        if len(contacts.overlap):
-            push = contacts.stiff * contacts.overlap
-            parts[2] = push @ contacts.overlap / 2
-            gradient -= contacts.apart.T @ (push[:, None] * contacts.normal).ravel()
-            blocks = (contacts.stiff + push / contacts.distance)[:, None, None] * _outer(
-                contacts.normal, contacts.normal
-            )
-            blocks -= (push / contacts.distance)[:, None, None] * _EYE
-            products.append((contacts.apart, blocks))
-        if self.mechanics.mandrel:
-            energy, force, mandrel = self._press_on_mandrel(z, thickness)
-            parts[2] += energy
-            gradient += samples.place.T @ force.ravel()
-            products.append((samples.place, mandrel))
-        return State(z, parts, gradient.reshape(-1, 3), products)
-
-    def _press_on_mandrel(self, z: Floats, thickness: float) -> tuple[float, Floats, Floats]:
-        """Compute energy, its derivatives by places (S, 3), and its second ones (S, 3, 3)."""
-        away = self.samples.places(z) * np.array([1.0, 0.0, 1.0])
-        distance = np.linalg.norm(away, axis=1)
-        diameter = self.samples.diameter[self.samples.yarn]
-        overlap = np.maximum(self.mechanics.mandrel + thickness * diameter / 2 - distance, 0.0)
-        stiff = self.mechanics.contact * diameter * self._ds
-        push, normal = stiff * overlap, away / distance[:, None]
-        sideways = np.diag([1.0, 0.0, 1.0]) - _outer(normal, normal)
-        blocks = np.where(overlap > 0.0, stiff, 0.0)[:, None, None] * _outer(normal, normal)
-        blocks -= (push / distance)[:, None, None] * sideways
-        return float(push @ overlap) / 2, -push[:, None] * normal, blocks
-
-    def contacts(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> Contacts:
-        """Find the pairs that overlap."""
-        from scipy.sparse import bsr_matrix
-
-        samples = self.samples
-        vectors = separate(samples, pairs, z)
-        distance = np.linalg.norm(vectors, axis=1)
-        overlap = thickness * mean_diameters(samples, pairs) - distance
-        (on,) = np.nonzero(overlap > 0.0)
-        i, j, count = pairs.first[on], pairs.second[on], len(on)
-        turned, along, across = image_matrices(pairs.shift[on], samples.turn)
-        periods = bsr_matrix(
-            (
-                np.stack([along, across], axis=1).reshape(-1, 3, 3),
-                np.tile(np.array([0, 1]) + len(z) - 2, count),
-                np.arange(0, 2 * count + 1, 2),
-            ),
-            shape=(3 * count, 3 * len(z)),
-        )
-        first, second = (samples.place[(3 * k[:, None] + np.arange(3)).ravel()] for k in (i, j))
-        if samples.turn:
-            second = _block_diagonal(turned) @ second
-        return Contacts(
-            (first - second - periods).tocsr(),
-            vectors[on] / distance[on, None],
-            distance[on],
-            overlap[on],
-            self.mechanics.contact * self._ds[i] * self._ds[j],
-        )
-
-    def lengths(self, z: Floats) -> Floats:
-        """Compute the length of each yarn in one period [m], (Y,)."""
-        speed = np.linalg.norm((self.samples.slope @ z.ravel()).reshape(-1, 3), axis=1)
-        lengths = np.bincount(self.samples.yarn, speed * self.samples.weight)
-        return np.asarray(lengths, dtype=np.float64)
-
-    @cached_property
-    def _slopes_and_bends(self) -> csr_matrix:
-        """The six components of r′ and r″ of each sample, (6 S, 3n + 6)."""
-        from scipy.sparse import vstack
-
-        count = len(self.samples.weight)
-        order = np.arange(6 * count).reshape(2, count, 3).swapaxes(0, 1).ravel()
-        return vstack([self.samples.slope, self.samples.bend]).tocsr()[order]
+    def _convex_blocks(self) -> Floats:
+        """Compute the second derivatives without those of what is squared, (S, 2, 3, 2, 3)."""
+        # κ² ds = w² du with w = r′ × r″/|r′|^(5/2) (Gauss and Newton).
+        a, b, aa = self._a, self._b, self._aa
+        turned = np.cross(a, b)
+        changes = np.empty((len(a), 3, 2, 3))
+        changes[:, :, 0] = _crosses(-b) - 2.5 / aa[:, None, None] * _outer(turned, a)
+        changes[:, :, 1] = _crosses(a)
+        changes *= np.sqrt(2.0 * self._p5)[:, None, None, None]
+        wide = changes.reshape(-1, 3, 6)
+        found = (wide.swapaxes(1, 2) @ wide).reshape(-1, 2, 3, 2, 3)
+        pulled, stretched = (each[:, None, None] for each in self._stretch)
+        found[:, 0, :, 0] += stretched * _outer(a, a) + np.maximum(pulled, 0.0) * _EYE
+        return found
 
 
-class Contacts(NamedTuple):
+class _Contact:
     """Pairs of samples that overlap."""
 
-    apart: csr_matrix
-    """(3 c, 3 n + 6) Vectors from the second to the first sample, from z."""
-    normal: Floats
-    """(c, 3) Unit vectors of the same."""
-    distance: Floats
-    """(c,) Their lengths [m]."""
-    overlap: Floats
-    """(c,) Amount by which the pair overlaps [m]."""
-    stiff: Floats
-    """(c,) Stiffness [N/m]."""
+    def __init__(self, stiffness: float, places: Floats, pairs: Pairs, thickness: float) -> None:
+        vectors = places[pairs.first] - places[pairs.second]
+        reach = thickness * pairs.diameter
+        square = np.einsum("ci,ci->c", vectors, vectors)
+        (on,) = np.nonzero(square < reach * reach)
+        self._first, self._second = pairs.first[on], pairs.second[on]
+        distance = np.sqrt(square[on])
+        overlap = reach[on] - distance
+        self._normal = vectors[on] / distance[:, None]
+        self._stiff = stiffness * pairs.area[on]
+        push = self._stiff * overlap
+        self._side = push / distance
+        self.energy = float(push @ overlap) / 2
+        #: (c, 3) Derivatives of the energy by the first sample of each pair.
+        self.force = -push[:, None] * self._normal
+
+    def sum(self, values: Floats, count: int) -> Floats:
+        """Sum vectors or blocks of pairs at the samples, (count, …)."""
+        wide = values.reshape(-1, int(np.prod(values.shape[1:])))
+        signed = -wide if values.ndim == 2 else wide
+        where = np.concatenate([self._first, self._second])
+        both = np.concatenate([wide, signed])
+        found = [np.bincount(where, each, count) for each in both.T]
+        # Of no pairs, the sums are integers.
+        return np.stack(found, axis=1).astype(np.float64).reshape(count, *values.shape[1:])
+
+    def blocks(self, convexity: float) -> Floats:
+        """Compute the second derivatives by the first sample of each pair, (c, 3, 3)."""
+        along = _outer(self._normal, self._normal)
+        across = (1.0 - convexity) * self._side[:, None, None] * (_EYE - along)
+        return np.asarray(self._stiff[:, None, None] * along - across)
+
+    def mixed(self, blocks: Floats, basis: Floats) -> tuple[Ints, Ints, Floats]:
+        """Sum the derivatives by both samples of pairs for each two spans, (n, 4, 3, 4, 3)."""
+        count = len(basis)
+        (first, i), (second, j) = np.divmod(self._first, count), np.divmod(self._second, count)
+        # First over the samples of the second span, then over those of the first one.
+        wide = basis[j][:, :, None] * -blocks.reshape(-1, 1, 9)
+        starts = _changes(self._first, second)
+        first, second, i = first[starts], second[starts], i[starts]
+        wide = np.add.reduceat(wide, starts) if len(starts) else wide
+        wide = basis[i][:, :, None, None] * wide[:, None]
+        starts = _changes(first, second)
+        wide = np.add.reduceat(wide, starts) if len(starts) else wide
+        wide = wide.reshape(-1, 4, 4, 3, 3).transpose(0, 1, 3, 2, 4)
+        return first[starts], second[starts], wide
 
 
-def _block_diagonal(blocks: Floats) -> csr_matrix:
-    """Build the matrix of blocks (n, k, k) on its diagonal."""
-    from scipy.sparse import bsr_matrix
+class _Mandrel:
+    """Samples that are pressed on the mandrel."""
 
-    count, size = blocks.shape[:2]
-    return bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape=(count * size,) * 2)
+    def __init__(self, energy: RodEnergy, places: Floats, thickness: float) -> None:
+        surface, mechanics = energy.surface, energy.mechanics
+        self.energy, self.force = 0.0, np.zeros((0, 3))
+        self._blocks = np.zeros((2, 0, 3, 3))
+        if not mechanics.mandrel:
+            return
+        away = places * np.array([1.0, 0.0, 1.0])
+        distance = np.linalg.norm(away, axis=1)
+        diameter = surface.diameter[surface.yarn]
+        overlap = np.maximum(mechanics.mandrel + thickness * diameter / 2 - distance, 0.0)
+        stiff = mechanics.contact * diameter * surface.weight * mechanics.length[surface.yarn]
+        push, normal = stiff * overlap, away / distance[:, None]
+        self.energy = float(push @ overlap) / 2
+        #: (S, 3) Derivatives of the energy by the places of samples, none without a mandrel.
+        self.force = -push[:, None] * normal
+        along = np.where(overlap > 0.0, stiff, 0.0)[:, None, None] * _outer(normal, normal)
+        sideways = np.diag([1.0, 0.0, 1.0]) - _outer(normal, normal)
+        self._blocks = np.stack([along, (push / distance)[:, None, None] * sideways])
+
+    def blocks(self, convexity: float) -> Floats:
+        """Return the second derivatives by the places of samples, (S, 3, 3)."""
+        along, across = self._blocks
+        return np.asarray(along - (1.0 - convexity) * across)
+
+
+def _weigh(blocks: Floats, basis: tuple[Floats, ...]) -> Floats:
+    """Sum blocks (S, x, 3, x, 3) of samples to those of control points, (E, 4, 3, 4, 3)."""
+    shapes = np.stack(basis, axis=1)
+    weights = np.einsum("gxk,gyl->gxykl", shapes, shapes).reshape(-1, 16)
+    wide = blocks.reshape(-1, len(shapes), *blocks.shape[1:]).transpose(0, 3, 5, 1, 2, 4)
+    found = wide.reshape(-1, len(weights)) @ weights
+    return found.reshape(-1, 3, 3, 4, 4).transpose(0, 3, 1, 4, 2)
+
+
+def _changes(*keys: Ints) -> Ints:
+    """List the numbers of the first of equal items that follow each other."""
+    new = np.zeros(len(keys[0]), dtype=bool)
+    new[:1] = True
+    for key in keys:
+        new[1:] |= key[1:] != key[:-1]
+    return np.flatnonzero(new)
+
+
+def _crosses(vectors: Floats) -> Floats:
+    """Return the matrices (n, 3, 3) of the products v × x."""
+    return np.cross(vectors[:, None], _EYE).swapaxes(1, 2)
 
 
 def _outer(left: Floats, right: Floats) -> Floats:

@@ -21,14 +21,14 @@ SOFT = 2e-3
 SLACK = 0.9
 #: Stiffness of contact of taut yarns over EA and the cube of their diameter: overlaps stay below
 #: 0.5 %.
-HARD = 350.0
+HARD = 450.0
 #: Stages in which taut yarns find their shape; their forces are of the order of EA.
 TAUT = (
-    Stage(0.4, 0.03, 1e-2),
-    Stage(0.7, 0.03, 1e-2),
-    Stage(1.0, 0.03, 1e-3),
-    Stage(1.0, 0.2, 1e-3),
-    Stage(1.0, 1.0, 1e-4),
+    Stage(0.4, 0.03, 1e-2, 1e-2),
+    Stage(0.7, 0.03, 1e-2, 1e-2),
+    Stage(1.0, 0.03, 1e-3, 3e-3),
+    Stage(1.0, 0.2, 1e-3, 3e-3),
+    Stage(1.0, 1.0, 1e-4, 3e-5),
 )
 
 
@@ -50,7 +50,7 @@ class Guess(NamedTuple):
 def make_taut(yarns: Sequence[Yarn], cell: Floats, bending: float = SOFT) -> RodMechanics:
     """Choose the stiffness of yarns that are pulled taut: they take the shortest way."""
     samples, z = sample_yarns(yarns), unknowns(yarns, cell)
-    speed = np.linalg.norm((samples.slope @ z.ravel()).reshape(-1, 3), axis=1)
+    speed = np.linalg.norm(samples.slopes(z), axis=1)
     drawn = np.bincount(samples.yarn, speed * samples.weight) / samples.spans
     tension = samples.diameter / samples.diameter.max()
     size = float(samples.diameter.max())

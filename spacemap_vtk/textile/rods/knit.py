@@ -27,18 +27,18 @@ _CUT = 2
 #: Depth of a turn that is drawn over half of the course spacing.
 _DEPTH = 1.2
 #: Stages of knits with floats or held loops, which slide far and come to rest slowly.
-_STAGES = (*STAGES[:2], Stage(1.0, 0.03, 1e-4), Stage(1.0, 0.2, 1e-4), Stage(1.0, 1.0, 1e-6))
+_STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-4), Stage(1.0, 0.2, 1e-4), Stage(1.0, 1.0, 1e-6))
 #: Stages in which selvedges relax; fewer digits than those of stitches are seen.
-_SIDE_STAGES = (*STAGES[:2], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
+_SIDE_STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
 #: Stitches of the strip on which selvedges are relaxed.
 _STRIP = 4
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1: yarns stretch by
 #: less than 0.1 %.
-_TENSION, _CONTACT = 1e3, 3e3
+_TENSION, _CONTACT = 1e3, 1.2e4
 #: Largest overlap of two yarns of a repeat [diameters].
 OVERLAP = 5e-3
-#: Diameters of yarn in a stitch: yarns of shorter loops overlap by more than 0.6 %, and longer ones
-#: do not hold each other.
+#: Diameters of yarn in a stitch: yarns of shorter loops have no room, and longer ones do not hold
+#: each other.
 SHORTEST, LONGEST = 14.0, 40.0
 
 

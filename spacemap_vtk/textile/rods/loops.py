@@ -29,9 +29,9 @@ from spacemap_vtk.textile.rods.stitches import Pass
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Control points of a stitch, and of what a tuck and a miss lay below a needle. A span has the same
-#: length everywhere, so that these are lengths of yarn, too: 24, 17 and 6 parts of a stitch.
-POINTS = 24
-_SPANS = {"k": POINTS, "p": POINTS, "t": 17, "m": 6}
+#: length everywhere, so that these are lengths of yarn, too: 32, 23 and 8 parts of a stitch.
+POINTS = 32
+_SPANS = {"k": POINTS, "p": POINTS, "t": 23, "m": 8}
 #: Wale and course spacing of the drawing, as shares of the length of a stitch.
 WALE, COURSE = 1 / 4, 1 / 5
 #: Shape of a loop that is drawn: width of its neck against the wale spacing, and height over the

@@ -1,25 +1,26 @@
 """Relax yarns to their least energy without letting them pass through each other.
 
-Newton's method with Levenberg's damping. No step moves two yarns against each other by more than a
-quarter of their least distance, so they cannot change places. Yarns grow from thin to their full
-thickness on the way.
+Newton's method with Levenberg's damping and a search along each step. No step brings two points of
+yarns nearer to each other by more than a quarter of their distance, so yarns cannot change places.
+Yarns grow from thin to their full thickness on the way.
+
+Curvature that makes the tangent indefinite is left out: as large a share of it, in each sample, as
+is needed. A yarn that slides along its own shape changes the energy by almost nothing, and each
+step of such a slide is short; so a stage ends, too, where steps hardly lower the energy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from spacemap_vtk.errors import GeometryError, SolverError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Progress
-from spacemap_vtk.textile.rods.contact import Pairs, relative_distances, separate
-from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics, State
+from spacemap_vtk.textile.rods.energy import Pairs, RodEnergy, RodMechanics, State
+from spacemap_vtk.textile.rods.overlap import find_largest_overlap
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
-
-if TYPE_CHECKING:
-    pass
 
 
 class Stage(NamedTuple):
@@ -31,33 +32,44 @@ class Stage(NamedTuple):
     """Share of the stiffness that tension and contact have; soft yarns find their shape sooner."""
     tolerance: float
     """Largest force at the end, as a share of EA."""
+    change: float = 1e-7
+    """Share of the energy by which three steps at the end lower it; yarns that slide along
+    themselves hardly change it."""
 
 
 #: The stages: yarns grow, find their shape, and become stiff.
 STAGES = (
-    Stage(0.4, 0.03, 1e-2),
-    Stage(0.7, 0.03, 1e-2),
-    Stage(1.0, 0.03, 1e-5),
-    Stage(1.0, 0.2, 1e-5),
-    Stage(1.0, 1.0, 1e-8),
+    *(Stage(thickness, 0.03, 1e-2, 1e-2) for thickness in (0.4, 0.6, 0.8, 0.9)),
+    Stage(1.0, 0.03, 1e-5, 1e-5),
+    Stage(1.0, 0.2, 1e-5, 1e-5),
+    Stage(1.0, 1.0, 1e-8, 1e-7),
 )
 #: The stage of yarns that were at rest and are moved a little.
-LAST = Stage(1.0, 1.0, 1e-10)
+LAST = Stage(1.0, 1.0, 1e-10, 1e-8)
 #: Smallest distance of two yarns at the start, in diameters; nearer ones may be on either side.
 NEAREST = 0.15
-#: Largest move of two samples against each other in a step, as a share of the least distance.
-SAFE = 0.25
+#: Largest approach of two samples in a step, as a share of their distance; and of those that are
+#: too far apart to be listed.
+SAFE, SAFE_FAR = 0.25, 0.7
 #: Where no step lowers the energy any more, yarns are at rest if no force is above this share of
 #: EA; soft yarns go on to the next stage.
 STALLED = 1e-5
-#: The exact tangent is tried after a step that moves nothing by more than this share of a diameter.
+#: The exact tangent is tried after steps that move nothing by more than this share of a diameter,
+#: from one of these shares of the curvature that is left out to the next lower one.
 EXACT = 0.1
-#: The list of pairs is rebuilt once samples may have approached by this share of a diameter.
-MARGIN = 0.5
+SHARES = (0.0, 1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0)
+#: Pairs of samples are listed up to this share of a diameter beyond contact; the list is made again
+#: once samples may have approached so far. It is shorter while steps are short.
+MARGIN, LEAST_MARGIN = 0.5, 0.1
 #: Damping: at first, and its least and largest value, as shares of the largest stiffness …
 DAMPING = (1e-3, 1e-11, 1e6)
-#: … and its factors after a good and after a bad step.
-EASE, BRAKE = 0.25, 6.0
+#: … its factors after a good and after a bad step, and its least value after a step that fails.
+EASE, BRAKE, FAILED = 0.25, 4.0, 1e-6
+#: A step is good if the energy falls by more than the first share of what is expected, bad if by
+#: less than the second one.
+GOOD, BAD = 0.7, 0.25
+#: Times that a step is shortened before it fails.
+TRIES = 3
 
 
 class Relaxed(NamedTuple):
@@ -72,7 +84,7 @@ class Relaxed(NamedTuple):
     lengths: Floats
     """(Y,) Length of each yarn in one period [m]."""
     overlap: float
-    """Largest overlap of two yarns, in diameters."""
+    """Largest overlap of two yarns, over their mean diameter."""
     steps: int
     """Number of Newton steps."""
 
@@ -95,7 +107,7 @@ def relax_yarns(
     # come to rest.
     energy = RodEnergy(sample_yarns(yarns), mechanics)
     z = unknowns(yarns, cell)
-    nearest = 1.0 - largest_overlap(energy, z)
+    nearest = nearest_distance(energy, z)
     if nearest < NEAREST:
         raise GeometryError(
             "two yarns are so near each other that it is not clear which is above",
@@ -114,17 +126,14 @@ def relax_yarns(
             progress(number / len(stages))
     state = energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
     ends = np.cumsum([len(yarn.points) for yarn in yarns])[:-1]
-    return Relaxed(
-        [
-            yarn._replace(points=points)
-            for yarn, points in zip(yarns, np.split(z[:-2], ends), strict=True)
-        ],
-        z[-2:].copy(),
-        state,
-        energy.lengths(z),
-        largest_overlap(energy, z),
-        search.steps,
-    )
+    found = [
+        yarn._replace(points=points)
+        for yarn, points in zip(yarns, np.split(z[:-2], ends), strict=True)
+    ]
+    cell, lengths = z[-2:].copy(), energy.lengths(z)
+    worst = find_largest_overlap(found, cell)
+    overlap = 0.0 if worst is None else max(worst.share, 0.0)
+    return Relaxed(found, cell, state, lengths, overlap, search.steps)
 
 
 def relax_again(energy: RodEnergy, z: Floats, free: Bools, max_steps: int = 1000) -> State:
@@ -135,14 +144,15 @@ def relax_again(energy: RodEnergy, z: Floats, free: Bools, max_steps: int = 1000
     return energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
 
 
-def largest_overlap(energy: RodEnergy, z: Floats) -> float:
-    """Compute the largest overlap of two yarns, in diameters; 0 if none touch."""
+def nearest_distance(energy: RodEnergy, z: Floats) -> float:
+    """Compute the least distance of two samples, over the diameter; at most 1."""
     pairs = energy.pairs_within(z, float(energy.samples.diameter.max()))
-    return 1.0 - float(relative_distances(energy.samples, pairs, z).min(initial=1.0))
+    distance = np.linalg.norm(pairs.separate(z), axis=1)
+    return float((distance / pairs.diameter).min(initial=1.0))
 
 
 class _Search:
-    """Newton's method from state to state, with the number of steps and the damping."""
+    """Newton's method from state to state, with the number of steps."""
 
     def __init__(self, energy: RodEnergy, active: Ints, max_steps: int) -> None:
         self._energy, self._active, self._max_steps = energy, active, max_steps
@@ -151,71 +161,121 @@ class _Search:
 
     def run(self, z: Floats, stage: Stage) -> Floats:
         """Find the place of least energy in a stage."""
-        reach = (stage.thickness + MARGIN) * self._diameter
         energy = self._energy.softened(stage.stiffness)
-        pairs, moved = energy.pairs_within(z, reach), 0.0
-        state = energy.evaluate(z, pairs, stage.thickness)
-        limit = stage.tolerance * float(energy.mechanics.tension.max())
-        scale = float(state.tangent(True).diagonal().max())
-        first, least, most = (share * scale for share in DAMPING)
-        damping, exact = first, False
-        while abs(force := state.gradient.ravel()[self._active]).max() > limit:
-            self.steps += 1
-            stalled = damping > most
-            still = abs(force).max() <= STALLED * float(energy.mechanics.tension.max())
-            if stalled and (still or stage.stiffness < 1.0):
+        near = _Near(energy, z, stage.thickness * self._diameter, self._diameter)
+        state = energy.evaluate(z, near.pairs, stage.thickness)
+        tension = float(energy.mechanics.tension.max())
+        scale = float(state.tangent(1.0).diagonal().max())
+        damping, least, most = (share * scale for share in DAMPING)
+        level, energies = len(SHARES) - 1, [state.energy]
+        while True:
+            force = state.gradient.ravel()[self._active]
+            largest = float(abs(force).max())
+            if largest <= stage.tolerance * tension:
                 break
+            if len(energies) > 3 and energies[-4] - energies[-1] < stage.change * energies[-1]:
+                break
+            stalled = damping > most
+            if stalled and (stage.stiffness < 1.0 or largest <= STALLED * tension):
+                break
+            self.steps += 1
             if self.steps > self._max_steps or stalled:
                 raise SolverError(
                     f"the yarns did not come to rest in {self.steps} steps",
                     cure="Give a first guess that is nearer, longer yarns, or a stiffer contact",
                 )
-            move, exact = self._solve(state, force, damping, exact)
-            move *= min(1.0, self._safe_share(state.z, move, pairs))
-            here = moved + 2 * float(np.linalg.norm(energy.samples.places(move), axis=1).max())
-            z = state.z + move
-            near = pairs
-            if here > MARGIN * self._diameter:
-                near, here = energy.pairs_within(z, reach), 0.0
-            trial = energy.evaluate(z, near, stage.thickness)
-            slope = float(force @ move.ravel()[self._active])
-            rounding = 1e-14 * abs(state.parts).sum()
-            if trial.energy <= state.energy + 1e-4 * slope + rounding:
-                state, pairs, moved = trial, near, here
-                damping = max(EASE * damping, least)
-                exact = float(abs(move).max()) < EXACT * self._diameter
+            step = self._solve(state, force, damping, level)
+            level, safe = step.level, min(1.0, near.safe_share(state.z, step.move))
+            share = safe
+            for _ in range(TRIES):
+                z = state.z + share * step.move
+                trial = energy.evaluate(z, near.at(z), stage.thickness)
+                change, slope = trial.energy - state.energy, share * step.slope
+                if change <= 1e-4 * slope + 1e-14 * abs(state.parts).sum():
+                    break
+                share *= float(np.clip(slope / (2 * (slope - change)), 0.1, 0.5))
             else:
+                damping = max(BRAKE**2 * damping, FAILED * scale)
+                continue
+            state = trial
+            energies.append(state.energy)
+            expected = -slope - share**2 * step.curvature / 2
+            if share < safe or -change < BAD * expected:
                 damping *= BRAKE
+            elif -change > GOOD * expected:
+                damping = max(EASE * damping, least)
+            small = float(abs(step.move).max()) < EXACT * self._diameter
+            level = max(level - 1, 0) if small else len(SHARES) - 1
         return state.z
 
-    def _solve(
-        self, state: State, force: Floats, damping: float, exact: bool
-    ) -> tuple[Floats, bool]:
-        """Solve for a step of Newton's method, (n + 2, 3); return it and whether it is exact."""
+    def _solve(self, state: State, force: Floats, damping: float, level: int) -> _Step:
+        """Solve for a step of Newton's method."""
         from scipy.sparse import identity
         from scipy.sparse.linalg import splu
 
         active = self._active
         while True:
-            matrix = state.tangent(not exact)[active][:, active] + damping * identity(len(active))
+            matrix = state.tangent(SHARES[level])[active][:, active]
+            matrix = matrix + damping * identity(len(active))
             factors = splu(
                 matrix.tocsc(),
                 permc_spec="MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
-            if not exact or (factors.U.diagonal() > 0.0).all():
+            if level == len(SHARES) - 1 or (factors.U.diagonal() > 0.0).all():
                 break
-            exact = False
+            level = max(level + 1, 2)
+        own = -factors.solve(force)
         move = np.zeros(state.z.size)
-        move[active] = -factors.solve(force)
-        return move.reshape(-1, 3), exact
+        move[active] = own
+        return _Step(move.reshape(-1, 3), level, float(force @ own), float(own @ (matrix @ own)))
 
-    def _safe_share(self, z: Floats, move: Floats, pairs: Pairs) -> float:
+
+class _Step(NamedTuple):
+    """A step of Newton's method."""
+
+    move: Floats
+    """(n + 2, 3) Change of z [m]."""
+    level: int
+    """Which of `SHARES` of the negative curvature is left out."""
+    slope: float
+    """First derivative of the energy along it [J]."""
+    curvature: float
+    """Second one, by the matrix that was solved [J]."""
+
+
+class _Near:
+    """The pairs of samples that are near each other while yarns move."""
+
+    def __init__(self, energy: RodEnergy, z: Floats, reach: float, diameter: float) -> None:
+        self._energy, self._reach, self._diameter = energy, reach, diameter
+        self._find(z, MARGIN)
+
+    def _find(self, z: Floats, margin: float) -> None:
+        self._margin = margin * self._diameter
+        self.pairs = self._energy.pairs_within(z, self._reach + self._margin)
+        self._start = self._last = z
+
+    def at(self, z: Floats) -> Pairs:
+        """Return the pairs in another place, found again if samples may have approached."""
+        step, self._last = self._approach(z - self._last), z
+        if self._approach(z - self._start) > self._margin:
+            self._find(z, float(np.clip(4 * step / self._diameter, LEAST_MARGIN, MARGIN)))
+        return self.pairs
+
+    def _approach(self, move: Floats) -> float:
+        """Compute the most by which a move may bring two samples nearer to each other."""
+        places = self._energy.surface.places(move)
+        return 2 * float(np.linalg.norm(places, axis=1).max()) + float(
+            np.linalg.norm(move[-2:], axis=1).sum()
+        )
+
+    def safe_share(self, z: Floats, move: Floats) -> float:
         """Compute the largest share of a move in which no two yarns can change places."""
-        samples = self._energy.samples
-        if not len(pairs.first):
-            return self._diameter / (4 * float(np.linalg.norm(samples.places(move), axis=1).max()))
-        against = np.linalg.norm(separate(samples, pairs, move), axis=1)
-        distance = np.linalg.norm(separate(samples, pairs, z), axis=1)
-        return SAFE * float(distance.min()) / max(float(against.max()), 1e-300)
+        most = self._approach(move) / (SAFE_FAR * (self._reach + self._margin))
+        if len(self.pairs.first):
+            apart, change = self.pairs.separate(z), self.pairs.separate(move)
+            closing, square = (np.einsum("ci,ci->c", apart, each) for each in (change, apart))
+            most = max(most, float((-closing / square).max()) / SAFE)
+        return 1.0 / max(most, 1e-300)

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spacemap_vtk.ndarrays import Bools, Floats
-from spacemap_vtk.textile.rods.contact import Pairs, mean_diameters, separate
+from spacemap_vtk.textile.rods.assembly import place_matrix
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
 from spacemap_vtk.textile.rods.relax import LAST, relax_again, relax_yarns
 from spacemap_vtk.textile.rods.yarns import Samples, Yarn, sample_yarns, unknowns
@@ -226,7 +226,7 @@ class _SetStrains:
     def __init__(self, yarns: Sequence[Yarn], cell: Floats, mechanics: RodMechanics) -> None:
         self._yarns, self._cell, self.z = yarns, cell, unknowns(yarns, cell)
         samples = sample_yarns(yarns)
-        a, b = ((m @ self.z.ravel()).reshape(-1, 3) for m in (samples.slope, samples.bend))
+        a, b = samples.slopes(self.z), samples.bends(self.z)
         speed = np.linalg.norm(a, axis=1)
         t = a / speed[:, None]
         ahead = (t * b).sum(axis=1)
@@ -239,41 +239,45 @@ class _SetStrains:
         self._by_a = -root * (ahead / speed**3)[:, None, None] * across
         self._by_a -= 2 * root * curvature[:, :, None] * (t / speed[:, None])[:, None, :]
         energy = RodEnergy(samples, mechanics)
-        reach = float(samples.diameter.max())
-        pairs = energy.pairs_within(self.z, reach)
-        apart = np.linalg.norm(separate(samples, pairs, self.z), axis=1)
-        on = apart < mean_diameters(samples, pairs)
-        self._pairs = Pairs(*(each[on] for each in pairs))
-        touching = energy.contacts(self.z, self._pairs)
-        self._push = np.sqrt(touching.stiff)[:, None] * touching.normal
-        self.rows = self._rows(samples, touching.apart)
+        pairs = energy.pairs_within(self.z, float(samples.diameter.max()))
+        distance = np.linalg.norm(pairs.separate(self.z), axis=1)
+        self._pairs = pairs = pairs.select(distance < pairs.diameter)
+        apart = pairs.separate(self.z)
+        root = np.sqrt(mechanics.contact * pairs.area) / np.linalg.norm(apart, axis=1)
+        self._push = root[:, None] * apart
+        self.rows = self._rows(samples)
 
-    def _rows(self, samples: Samples, apart: csr_matrix) -> csr_matrix:
+    def _rows(self, samples: Samples) -> csr_matrix:
         from scipy.sparse import vstack
 
-        bent = _along(self._by_a) @ samples.slope + _along(self._by_b) @ samples.bend
-        stretched = _along(self._stretch[:, None]) @ samples.slope
+        count = len(self.z)
+        slope, bend = (place_matrix(samples, order, count) for order in (1, 2))
+        bent = _along(self._by_a) @ slope + _along(self._by_b) @ bend
+        stretched = _along(self._stretch[:, None]) @ slope
+        places = place_matrix(self._pairs.images, 0, count)
+        first, second = (
+            places[(3 * which[:, None] + np.arange(3)).ravel()]
+            for which in (self._pairs.first, self._pairs.second)
+        )
+        apart = first - second
         return vstack([stretched, bent, _along(self._push[:, None]) @ apart]).tocsr()
 
     def bend(self, axis: int) -> Floats:
         """Compute the strains by an angle of bending in each period along x or y."""
         yarns, cell = self._yarns, self._cell
         order = [0, 1, 2]
-        pairs = self._pairs
+        images = self._pairs.images
         if axis == 1:
             yarns, order = _exchange(yarns), [1, 0, 2]
             cell = cell[np.ix_([1, 0], order)]
-            pairs = pairs._replace(shift=pairs.shift[:, ::-1])
+            images = images._replace(wraps=images.wraps[..., ::-1])
         z = unknowns(yarns, cell)
         found = []
         for turn in (-_SMALL_TURN, _SMALL_TURN):
             samples = sample_yarns(yarns, turn=turn)
-            places = [
-                (matrix @ z.ravel()).reshape(-1, 3)[:, order]
-                for matrix in (samples.slope, samples.bend)
-            ]
-            apart = separate(samples, pairs, z)[:, order]
-            a, b = places
+            a, b = samples.slopes(z)[:, order], samples.bends(z)[:, order]
+            pairs = self._pairs._replace(images=images._replace(turn=turn))
+            apart = pairs.separate(z)[:, order]
             found.append(
                 np.concatenate(
                     [

@@ -22,7 +22,7 @@ from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings, linki
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
 from spacemap_vtk.textile.rods.guess import Guess
 from spacemap_vtk.textile.rods.lift import lift_yarns
-from spacemap_vtk.textile.rods.relax import NEAREST, STAGES, largest_overlap
+from spacemap_vtk.textile.rods.relax import NEAREST, STAGES, nearest_distance
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 #: Most courses in a repeat, and largest number of a space.
@@ -48,7 +48,7 @@ _UNDERLAP, _FINE = 3, 64
 #: Places along a loop at which the loop of the front bar is held above that of the back bar.
 _PLATED = (np.arange(8) + 0.5) / 8
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1.
-_TENSION, _CONTACT = 1e3, 3.5e3
+_TENSION, _CONTACT = 1e3, 1.2e4
 
 
 class Lap(NamedTuple):
@@ -181,9 +181,8 @@ def draw_warp_knit(
         mechanics = RodMechanics(
             _TENSION * ones, ones, _CONTACT, np.array(given) * courses / counts
         )
-        room = 1.0 - largest_overlap(
-            RodEnergy(sample_yarns(yarns), mechanics), unknowns(yarns, cell)
-        )
+        energy = RodEnergy(sample_yarns(yarns), mechanics)
+        room = nearest_distance(energy, unknowns(yarns, cell))
         # Guide bars always pass each other on the same side, so that no yarn winds about another.
         if room > NEAREST and not linking_numbers(yarns, cell):
             break
@@ -317,5 +316,5 @@ def _first_is_above(crossings: Crossings, drawn: Sequence[_Drawn], courses: int)
 def _length(yarn: Yarn, cell: Floats) -> float:
     """Compute the length of a yarn until it repeats itself."""
     samples = sample_yarns([yarn])
-    slope = (samples.slope @ unknowns([yarn], cell).ravel()).reshape(-1, 3)
-    return float(np.linalg.norm(slope, axis=1) @ samples.weight)
+    speed = np.linalg.norm(samples.slopes(unknowns([yarn], cell)), axis=1)
+    return float(speed @ samples.weight)

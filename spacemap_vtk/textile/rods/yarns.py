@@ -6,7 +6,7 @@ away, so its points depend on the periods, too:
 
     r(u) = Σ_k N_k(u) (q_k + m_k · P)
 
-with whole numbers m_k of periods. A sparse matrix of three rows per sample holds all of this.
+with whole numbers m_k of periods.
 
 A cell may be bent, too: then each period along P1 turns what follows by an angle φ about y, towards
 z, and the neighbours of a cell lie on an arc. With the turn R(φ) and the chord B(φ) of an arc,
@@ -19,15 +19,12 @@ which is linear in z, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
 
 #: Samples in each span, Gauss points, and their weights.
 PER_SPAN = 5
@@ -48,16 +45,16 @@ class Yarn(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Points along all yarns at which energies are summed; values are linear in z."""
+    """Points along all yarns at which energies are summed; places are linear in z."""
 
-    place: csr_matrix
-    """(3 S, 3 n + 6) Positions r from z."""
-    slope: csr_matrix
-    """(3 S, 3 n + 6) Derivatives r′ by the parameter, 1 per span."""
-    bend: csr_matrix
-    """(3 S, 3 n + 6) Second derivatives r″."""
+    nodes: Ints
+    """(E, 4) Control points of each span, as rows of z."""
+    wraps: Ints
+    """(E, 4, 2) Periods by which each of them is moved."""
+    basis: tuple[Floats, Floats, Floats]
+    """(g, 4) B-splines at the samples of a span, and their two derivatives."""
     weight: Floats
-    """(S,) Weights of the quadrature over the parameter."""
+    """(S,) Weights of the quadrature over the parameter; S = E g."""
     yarn: Ints
     """(S,) Yarn of each sample."""
     parameter: Floats
@@ -73,9 +70,46 @@ class Samples(NamedTuple):
     turn: float
     """Angle by which the cell is bent in a period along P1 [rad]."""
 
+    def resample(self, at: Floats, weights: Floats) -> Samples:
+        """Return other samples of the same yarns, as for `sample_yarns`."""
+        old, new = len(self.basis[0]), len(at)
+        span = np.floor(self.parameter[::old])
+        return self._replace(
+            basis=basis_functions(at),
+            weight=np.tile(weights, len(self.nodes)),
+            yarn=np.repeat(self.yarn[::old], new),
+            parameter=(span[:, None] + at).ravel(),
+        )
+
+    def corners(self, z: Floats) -> Floats:
+        """Compute the control points of each span where its yarn runs, (E, 4, 3) [m]."""
+        found = z[self.nodes]
+        wrapped = self.wraps.any(axis=2)
+        found[wrapped] = move_to_image(found[wrapped], self.wraps[wrapped], z[-2:], self.turn)
+        return found
+
     def places(self, z: Floats) -> Floats:
-        """Compute the positions of the samples, (S, 3) [m]."""
-        return np.asarray(self.place @ z.ravel()).reshape(-1, 3)
+        """Compute the positions r of the samples, (S, 3) [m]."""
+        return self.combine(self.corners(z), 0)
+
+    def slopes(self, z: Floats) -> Floats:
+        """Compute the derivatives r′ by the parameter, 1 per span, (S, 3) [m]."""
+        return self.combine(self.corners(z), 1)
+
+    def bends(self, z: Floats) -> Floats:
+        """Compute the second derivatives r″, (S, 3) [m]."""
+        return self.combine(self.corners(z), 2)
+
+    def combine(self, corners: Floats, order: int) -> Floats:
+        """Compute the derivatives of an order from the control points of spans, (S, 3)."""
+        wide = corners.swapaxes(1, 2).reshape(-1, 4) @ self.basis[order].T
+        return wide.reshape(len(corners), 3, -1).swapaxes(1, 2).reshape(-1, 3)
+
+    def gather(self, values: Floats, order: int) -> Floats:
+        """Sum derivatives by samples (S, 3) to those by the control points of spans, (E, 4, 3)."""
+        wide = values.reshape(len(self.nodes), -1, 3).swapaxes(1, 2)
+        found = wide.reshape(-1, len(self.basis[order])) @ self.basis[order]
+        return found.reshape(-1, 3, 4).swapaxes(1, 2)
 
 
 def basis_functions(t: Floats) -> tuple[Floats, Floats, Floats]:
@@ -108,7 +142,7 @@ def unknowns(yarns: Sequence[Yarn], cell: Floats) -> Floats:
 def sample_yarns(
     yarns: Sequence[Yarn], at: Floats = _NODES, weights: Floats = _WEIGHTS, turn: float = 0.0
 ) -> Samples:
-    """Make the sparse matrices that give places, slopes and bends of yarns from z.
+    """Place samples on yarns, whose places, slopes and bends follow from z.
 
     Parameters
     ----------
@@ -129,7 +163,6 @@ def sample_yarns(
     GeometryError
         If a yarn has less than 4 control points.
     """
-    total = sum(len(yarn.points) for yarn in yarns)
     nodes, wraps, owner, where, spans = [], [], [], [], []
     first = 0
     for number, yarn in enumerate(yarns):
@@ -146,24 +179,11 @@ def sample_yarns(
         where.append((np.arange(lengths)[:, None] + at).ravel())
         spans.append(lengths)
         first += count
-    node, wrap = np.concatenate(nodes), np.concatenate(wraps)
-    columns = np.concatenate([node, np.tile([total, total + 1], (len(node), 1))], axis=1)
-    columns = np.repeat(columns, len(at), axis=0)
-    turned, along, across = image_matrices(wrap, turn)
-
-    def matrix(shape: Floats) -> csr_matrix:
-        own = np.einsum("gk,ekij->egkij", shape, turned)
-        first, second = (
-            np.einsum("gk,ekij->egij", shape, each)[:, :, None] for each in (along, across)
-        )
-        return _from_blocks(np.concatenate([own, first, second], axis=2), columns, total + 2)
-
-    place, slope, bend = map(matrix, basis_functions(np.asarray(at, dtype=np.float64)))
     return Samples(
-        place,
-        slope,
-        bend,
-        np.tile(weights, len(node)),
+        np.concatenate(nodes),
+        np.concatenate(wraps),
+        basis_functions(np.asarray(at, dtype=np.float64)),
+        np.tile(weights, sum(spans)),
         np.concatenate(owner),
         np.concatenate(where),
         np.array(spans),
@@ -213,13 +233,10 @@ def image_matrices(shift: Ints, turn: float) -> tuple[Floats, Floats, Floats]:
     return rotation, chord, b[..., None, None] * np.eye(3)
 
 
-def _from_blocks(blocks: Floats, columns: Ints, count: int) -> csr_matrix:
-    """Build a matrix of 3 x 3 blocks, (e, g, k, 3, 3), in given columns, (e g, k)."""
-    from scipy.sparse import bsr_matrix
-
-    rows, each = columns.shape
-    starts = np.arange(0, each * rows + 1, each)
-    found = bsr_matrix(
-        (blocks.reshape(-1, 3, 3), columns.ravel(), starts), shape=(3 * rows, 3 * count)
-    )
-    return found.tocsr()
+def move_to_image(place: Floats, shift: Ints, cell: Floats, turn: float) -> Floats:
+    """Move points (…, 3) to the cells at whole numbers (…, 2) of periods."""
+    if not turn:
+        return np.asarray(place + shift @ cell)
+    rotation, along, across = image_matrices(shift, turn)
+    moved = np.einsum("...ij,...j->...i", rotation, place)
+    return np.asarray(moved + along @ cell[0] + across @ cell[1])
