@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.cage.lattice import build_lattice
@@ -23,14 +24,21 @@ from spacemap_vtk.laboratory.catalogue import find_test
 from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.figure_list import sheet_figures
 from spacemap_vtk.scenes.laboratory import fabric_of
+from spacemap_vtk.scenes.object_report import report_object
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
 from spacemap_vtk.textile.rods.cell_law import RAYS, CellLaw, _graded, _radius
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.relax import LAST, relax_yarns
-from spacemap_vtk.textile.rods.stiffness import FLOOR, raise_to_floor, set_stiffness
+from spacemap_vtk.textile.rods.stiffness import (
+    FLOOR,
+    raise_to_floor,
+    set_stiffness,
+    settle_springs,
+)
 from spacemap_vtk.textile.rods.yarns import Yarn
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
@@ -112,12 +120,27 @@ def test_what_is_no_sheet_is_refused():
         sheet_of_textile(Braid(tension=60.0, bending=1e-9))
 
 
+def make_scene():
+    """Return a scene of stockinette whose sheet has the stiffness of its yarns."""
+    textile = {"rows": "stockinette", "diameter": MM, "tension": 60.0, "bending": 2e-8}
+    return Scene({"textile": textile, "modal": {"elements": "sheet", "material": "yarns"}})
+
+
 @pytest.fixture(scope="module")
 def knitted():
     """Return stockinette in the laboratory."""
-    textile = {"rows": "stockinette", "diameter": MM, "tension": 60.0, "bending": 2e-8}
-    modal = {"elements": "sheet", "material": "yarns"}
-    return fabric_of(Scene({"textile": textile, "modal": modal}))
+    return fabric_of(make_scene())
+
+
+def test_figures_of_a_knit_contain_its_sheet_and_its_curl():
+    plate = sheet_of_textile(Knit(diameter=MM, tension=60.0, bending=2e-8)).plate
+    found = report_object(make_scene())
+    rigidity = found["sheet"]["bending_rigidity"]
+    assert rigidity == pytest.approx(np.diag(plate.bending)[[1, 0]], rel=1e-6)
+    assert found["natural_curvature"] == pytest.approx(plate.curvature[[1, 0]])
+    texts = {figure.key: figure.text for figure in sheet_figures(found)}
+    assert texts["natural_curvature_weft"].startswith("to the back, radius")
+    assert texts["natural_curvature_warp"].startswith("to the face, radius")
 
 
 def test_a_knit_is_measured_from_its_sheet(knitted):
@@ -254,6 +277,29 @@ def test_a_knit_has_a_j_curve_whose_beginning_is_the_schur_complement():
     energy = (state.state.energy - rest.state.energy) / area * 2e-8 / MM
     found = law.respond(*ratio[:2, None], np.zeros(1)).energy[0]
     assert found == pytest.approx(energy, rel=0.1)
+
+
+@pytest.mark.nightly
+def test_a_knit_that_is_pulled_with_free_sides_contracts_as_its_cell_does():
+    knit = Knit(diameter=MM, tension=60.0, bending=2e-8)
+    law, mechanics = law_of_textile(knit), knit.mechanics_of_sheet(knit.rest())
+    rest = settle_springs(knit.rest().yarns, knit.rest().cell, mechanics)
+    (yarns, cell), before = rest, 1.0
+    height_is_free = np.array([[False, False, False], [False, True, False]])
+    for stretch in (1.02, 1.05, 1.1, 1.15, 1.2):
+        ratio = np.array([stretch / before, 1.0, 1.0])
+        moved = [yarn._replace(points=yarn.points * ratio) for yarn in yarns]
+        state = relax_yarns(moved, cell * ratio, mechanics, height_is_free, stages=[LAST])
+        yarns, cell, before = state.yarns, state.cell, stretch
+        # in newtons per metre of height at rest
+        force = state.state.gradient[-2, 0] / rest[1][1, 1] * 2e-8 / MM**3
+
+        def pull(height, stretch=stretch):
+            return law.respond(np.array([stretch]), np.array([height]), np.zeros(1)).first[:2, 0]
+
+        height = brentq(lambda y: pull(y)[1], 0.8, 1.05)
+        assert height == pytest.approx(cell[1, 1] / rest[1][1, 1], abs=0.01)
+        assert pull(height)[0] == pytest.approx(force, rel=0.3)
 
 
 def test_yarns_that_are_set_have_no_other_law():

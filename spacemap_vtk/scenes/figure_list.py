@@ -169,6 +169,15 @@ def sheet_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
             found.append(Figure(key, text, parameter.format_figure(each), each, parameter.unit))
         if name == "bending_rigidity":
             found += _bending_bounds(figures)
+    for side, value in zip(("warp", "weft"), figures.get("natural_curvature") or (), strict=False):
+        where = "the face" if value > 0.0 else "the back"
+        text = f"to {where}, radius {_format_figure(abs(1.0 / value), 'm')}" if value else "flat"
+        key = f"natural_curvature_{side}"
+        found.append(Figure(key, f"  curl along the {side}", text, value, "1/m"))
+    found += [
+        Figure(f"sheet_note_{k}", "  assumed", note)
+        for k, note in enumerate(figures.get("sheet_notes", ()))
+    ]
     return found
 
 

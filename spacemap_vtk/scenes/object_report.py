@@ -15,8 +15,10 @@ from spacemap_vtk.datasets.extent import filled_share
 from spacemap_vtk.datasets.outline import count_edge_faults, extract_outline
 from spacemap_vtk.embedding.locate import locate
 from spacemap_vtk.errors import add_section_to_errors
+from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.patch_tessellator import polygons_of
+from spacemap_vtk.filters.textile_sheet import sheet_of_textile, textile_of
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.report import report_law, report_sheet
 from spacemap_vtk.scenes.scene import Scene
@@ -66,10 +68,23 @@ def report_object(scene: Scene) -> dict[str, Any]:
         if made is not None and isinstance(solver, ModalSolver):
             with add_section_to_errors(solver.section):
                 sheet = solver.sheet_figures(made.output)
-            figures |= report_sheet(sheet) | report_law(scene, sheet is not None)
+                figures |= report_sheet(sheet) | report_law(scene, sheet is not None)
+                if sheet is not None and solver.material == WOVEN:
+                    figures |= _report_curl(made.output)
     figures["applicability"] = [finding.as_json() for finding in collect_findings(scene)]
     figures["warnings"] = scene.warnings
     return figures
+
+
+def _report_curl(cage: vtkUnstructuredGrid) -> dict[str, Any]:
+    """Return how the sheet of a textile curls, and what its stiffness assumes."""
+    textile = textile_of(cage)
+    if textile is None:
+        return {}
+    (plate, notes), curls = sheet_of_textile(textile), None
+    if plate.curvature is not None:
+        curls = plate.curvature[[1, 0]].tolist()  # of the warp first, as other figures
+    return {"natural_curvature": curls, "sheet_notes": notes}
 
 
 def report_textile(scene: Scene) -> dict[str, Any] | None:
