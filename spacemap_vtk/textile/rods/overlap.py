@@ -33,7 +33,13 @@ class Overlap(NamedTuple):
     """(3,) Middle between the two centre lines [m]."""
 
 
-def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats) -> Overlap | None:
+def largest_overlap(yarns: Sequence[Yarn], cell: Floats, turn: float = 0.0) -> float:
+    """Compute the largest overlap of yarns over their mean diameter; 0 if there is none."""
+    worst = find_largest_overlap(yarns, cell, turn)
+    return 0.0 if worst is None else max(worst.share, 0.0)
+
+
+def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats, turn: float = 0.0) -> Overlap | None:
     """Find where two yarns, images included, or two parts of one overlap most.
 
     Parameters
@@ -42,6 +48,8 @@ def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats) -> Overlap | None:
         Centre lines with their diameters.
     cell : ndarray of float64, shape (2, 3)
         Period vectors [m].
+    turn : float, optional
+        Angle by which the cell is bent in a period along P1 [rad].
 
     Returns
     -------
@@ -55,7 +63,8 @@ def find_largest_overlap(yarns: Sequence[Yarn], cell: Floats) -> Overlap | None:
     least, most = (end(yarn.diameter for yarn in yarns) for end in (min, max))
     fine = float(np.clip(total / least / _MOST_SAMPLES, _SAMPLE, _COARSEST))
     count = int(np.clip(np.ceil(longest / (fine * least)), 1, _MOST_PARTS))
-    samples = sample_yarns(yarns, (np.arange(count) + 0.5) / count, np.full(count, 1.0 / count))
+    at = (np.arange(count) + 0.5) / count
+    samples = sample_yarns(yarns, at, np.full(count, 1.0 / count), turn)
     pairs = find_pairs(samples, z, lengths, (1.0 + fine) * most)
     # Near its sample, a yarn is followed by half the way to the next one, with its bend.
     slope, bend = samples.slopes(z) / (2.0 * count), samples.bends(z) / (8.0 * count**2)

@@ -19,7 +19,7 @@ import numpy as np
 from spacemap_vtk.errors import GeometryError, SolverError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Progress
 from spacemap_vtk.textile.rods.energy import Pairs, RodEnergy, RodMechanics, State
-from spacemap_vtk.textile.rods.overlap import find_largest_overlap
+from spacemap_vtk.textile.rods.overlap import largest_overlap
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 
@@ -131,9 +131,7 @@ def relax_yarns(
         for yarn, points in zip(yarns, np.split(z[:-2], ends), strict=True)
     ]
     cell, lengths = z[-2:].copy(), energy.lengths(z)
-    worst = find_largest_overlap(found, cell)
-    overlap = 0.0 if worst is None else max(worst.share, 0.0)
-    return Relaxed(found, cell, state, lengths, overlap, search.steps)
+    return Relaxed(found, cell, state, lengths, largest_overlap(found, cell), search.steps)
 
 
 def relax_again(energy: RodEnergy, z: Floats, free: Bools, max_steps: int = 1000) -> State:

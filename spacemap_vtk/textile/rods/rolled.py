@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.ndarrays import Floats, Ints
-from spacemap_vtk.textile.rods.contact import move_to_image
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-from spacemap_vtk.textile.rods.relax import largest_overlap, relax_again
-from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
+from spacemap_vtk.textile.rods.overlap import largest_overlap
+from spacemap_vtk.textile.rods.relax import relax_again
+from spacemap_vtk.textile.rods.yarns import Yarn, move_to_image, sample_yarns, unknowns
 
 
 class Rolled(NamedTuple):
@@ -59,7 +59,7 @@ def roll_yarns(
     z = relax_again(energy, unknowns(yarns, cell), np.eye(2, 3, dtype=bool)).z
     parts = np.split(z[:-2], np.cumsum([len(yarn.points) for yarn in yarns])[:-1])
     rolled = [yarn._replace(points=part) for yarn, part in zip(yarns, parts, strict=True)]
-    return Rolled(rolled, z[-2:], largest_overlap(energy, z))
+    return Rolled(rolled, z[-2:], largest_overlap(rolled, z[-2:], samples.turn))
 
 
 def repeat_round(rolled: Rolled, laid: Sequence[tuple[int, int]], repeats: int) -> list[Floats]:
