@@ -29,6 +29,7 @@ from spacemap_vtk.app.documents.files import FileCommands
 from spacemap_vtk.app.draft.chart_tab import ChartTab, is_knit
 from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.menus import Menus
+from spacemap_vtk.app.panels.composite_tab import CompositeTab
 from spacemap_vtk.app.panels.error_bar import ErrorBar
 from spacemap_vtk.app.panels.figures_tab import FiguresTab
 from spacemap_vtk.app.panels.gallery import Gallery
@@ -117,6 +118,7 @@ class MainWindow(QMainWindow):
         self.figures = FiguresTab(self.document, self.engine)
         self.plan = PlanTab(self.document, self.engine)
         self.measure = MeasureTab(self.document, self.engine)
+        self.composite = CompositeTab(self.document, self.engine)
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.tabs.addTab(self.plots, "Plots")
@@ -124,6 +126,7 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.pull, "Pull")
         self.tabs.addTab(self.figures, "Figures")
         self.tabs.addTab(self.measure, "Measure")
+        self.tabs.addTab(self.composite, "Composite")
         self.tabs.addTab(self.plan, "Plan")
         self.files = FileCommands(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
@@ -305,6 +308,7 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self.plan.follow)
         self.plan.export_requested.connect(self.exports.plan)
         self.measure.export_requested.connect(self.exports.measurement)
+        self.composite.export_requested.connect(self.exports.composite)
         self.draft.dragging.connect(self.director.set_dragging)
         self.draft.save_button.clicked.connect(self.files.save_draft)
         self.draft.print_button.clicked.connect(self.exports.draft)

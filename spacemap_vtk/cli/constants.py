@@ -161,7 +161,8 @@ def unit_cell(
 
 def _print(found: Composite) -> None:
     """Print the constants as tables."""
-    from spacemap_vtk.scenes.composite import COMPONENTS
+    from spacemap_vtk.scenes.composite import constant_rows
+    from spacemap_vtk.unit_cell.mixtures import COMPONENTS
 
     size = " × ".join(f"{1e3 * side:.4g}" for side in found.size)
     print_plain(
@@ -172,16 +173,8 @@ def _print(found: Composite) -> None:
     fine, coarse = found.constants, found.coarse
     _print_matrix("Stiffness in GPa", COMPONENTS, fine.stiffness / 1e9, coarse.stiffness / 1e9)
     table = number_table(("constant", "value", "±", "unit"), words=1, title="\nConstants")
-    rough = coarse.engineering
-    for name, value in fine.engineering.items():
-        ratio = name.startswith("nu")
-        scale, unit = (1.0, "") if ratio else (1e9, "GPa")
-        error = abs(value - rough[name])
-        table.add_row(name.replace("nu", "ν"), f"{value / scale:.4g}", f"{error / scale:.1g}", unit)
-    for axis, value, other in zip("xyz", fine.expansion[:3], coarse.expansion[:3], strict=True):
-        table.add_row(f"α{axis}", f"{1e6 * value:.4g}", f"{1e6 * abs(value - other):.1g}", "ppm/K")
-    density = abs(fine.density - coarse.density)
-    table.add_row("density", f"{fine.density:.4g}", f"{density:.1g}", "kg/m³")
+    for line in constant_rows(found):
+        table.add_row(*line)
     print_plain(table)
     if found.plate is not None and found.coarse_plate is not None:
         parts = (("A in kN/m", "membrane", 1e3), ("B in N", "coupling", 1.0))

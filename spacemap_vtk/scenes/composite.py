@@ -20,11 +20,9 @@ from spacemap_vtk.unit_cell.homogenise import (
     homogenise_plate,
     von_mises,
 )
+from spacemap_vtk.unit_cell.mixtures import COMPONENTS
 from spacemap_vtk.unit_cell.phases import Phases, UnitCellModel, pure_voxels
 from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity
-
-#: Names of the components of stress and strain.
-COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
 @dataclass(frozen=True)
@@ -152,6 +150,20 @@ def compute_constants(
         made[1] if plate else None,
         made[3] if plate else None,
     )
+
+
+def constant_rows(composite: Composite) -> list[tuple[str, str, str, str]]:
+    """Return name, value, error and unit of each constant, as text."""
+    fine, coarse = composite.constants, composite.coarse
+    rough, made = coarse.engineering, []
+    for name, value in fine.engineering.items():
+        scale, unit = (1.0, "") if name.startswith("nu") else (1e9, "GPa")
+        error = abs(value - rough[name])
+        made.append((name.replace("nu", "ν"), f"{value / scale:.4g}", f"{error / scale:.1g}", unit))
+    for axis, value, other in zip("xyz", fine.expansion[:3], coarse.expansion[:3], strict=True):
+        made.append((f"α{axis}", f"{1e6 * value:.4g}", f"{1e6 * abs(value - other):.1g}", "ppm/K"))
+    change = abs(fine.density - coarse.density)
+    return [*made, ("density", f"{fine.density:.4g}", f"{change:.1g}", "kg/m³")]
 
 
 def composite_as_json(composite: Composite) -> dict[str, Any]:

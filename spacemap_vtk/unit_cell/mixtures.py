@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Floats
 
+#: Names of the components of stress and strain.
+COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 #: Rows and columns of the upper triangle of a symmetric 6 × 6 matrix.
 UPPER = np.triu_indices(6)
 #: Voxels that are mixed at a time.

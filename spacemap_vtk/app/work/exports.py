@@ -163,6 +163,22 @@ class Exports(QObject):
             QSettings().setValue(_FOLDER_KEY, str(path.parent))
             self.start("measurement", path, test=test)
 
+    def composite(self, ending: str, kind: str) -> None:
+        """Ask for a file, and write moduli, voxels or a deck of the unit cell."""
+        if not self._require_idle():
+            return
+        label = {".png": "Plot", ".vti": "Voxels", ".inp": "Deck"}[ending]
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            "Save composite",
+            str(self._propose_path(ending)),
+            name_filter(label, [ending]),
+        )
+        path = add_ending(self._window, Path(name), ending) if name else None
+        if path is not None:
+            QSettings().setValue(_FOLDER_KEY, str(path.parent))
+            self.start(kind, path)
+
     def draft(self) -> None:
         """Ask how the draft is printed, and write it as a PDF."""
         if not self._require_idle():

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 #: Components of a strain as displacements of the driver nodes: pairs of driver and direction.
 _DRIVEN = (((0, 0),), ((1, 1),), ((2, 2),), ((1, 2), (2, 1)), ((0, 2), (2, 0)), ((0, 1), (1, 0)))
-_NAMES = ("xx", "yy", "zz", "yz", "xz", "xy")
 _NOTES = """
 One repeat of a textile in a matrix, in voxels: each has the material of the larger share.
 Units: m, N, Pa. Nodes on opposite faces move alike, but for the displacements of three driver
@@ -87,6 +86,7 @@ def write_deck(file: Path, model: UnitCellModel) -> None:
 def _deck(model: UnitCellModel) -> Iterator[str]:
     import numpy as np
 
+    from spacemap_vtk.unit_cell.mixtures import COMPONENTS
     from spacemap_vtk.unit_cell.phases import round_areas
 
     depth, rows, width = model.voxels.fraction.shape
@@ -152,7 +152,7 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
     yield from _equations(nodes, drivers)
     yield f"*BOUNDARY\n{nodes[0, 0, 0] + 1}, 1, 3"
     lengths = [count * size for count, size in zip(sizes, model.spacing.tolist(), strict=True)]
-    for number, (name, driven) in enumerate(zip(_NAMES, _DRIVEN, strict=True)):
+    for number, (name, driven) in enumerate(zip(COMPONENTS, _DRIVEN, strict=True)):
         change = ", OP=NEW" if number else ""
         yield f"*STEP\n** unit strain {name}\n*STATIC\n*BOUNDARY{change}"
         yield f"{nodes[0, 0, 0] + 1}, 1, 3"

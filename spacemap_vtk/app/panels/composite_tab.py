@@ -1,0 +1,289 @@
+"""The composite tab: constants of the textile in a matrix, and slices through its unit cell."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
+    QHeaderView,
+    QLabel,
+    QMenu,
+    QProgressBar,
+    QPushButton,
+    QSlider,
+    QSplitter,
+    QTableWidget,
+    QTableWidgetItem,
+    QWidget,
+)
+
+from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row
+from spacemap_vtk.app.work.engine import Engine
+from spacemap_vtk.app.work.slices import in_slices
+from spacemap_vtk.cancel import Cancelled
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.filters.unit_cell import UnitCell
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
+
+if TYPE_CHECKING:
+    from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
+
+    from spacemap_vtk.scenes.composite import Composite
+    from spacemap_vtk.unit_cell.phases import UnitCellModel
+
+_SECTION = "unit_cell"
+_HINT = (
+    "One repeat of the textile in a matrix, as voxels. Compute gives its elastic constants, with "
+    "the error of the voxels. Layers, shear and own materials: section Unit cell of the form."
+)
+_OLD = "The scene has changed since these constants were computed."
+_HEADINGS = ("constant", "value", "±", "unit")
+#: A view that is no slice.
+_MODULI = "moduli"
+#: Kinds of files that the tab writes: ending, and kind of job.
+SAVED = {
+    "Moduli…": (".png", "constants"),
+    "Voxels…": (".vti", "unit_cell"),
+    "Deck for CalculiX…": (".inp", "unit_cell"),
+}
+
+
+class _Result(NamedTuple):
+    """Result of background work."""
+
+    #: Values of the scene.
+    key: Any
+    outcome: tuple[Composite, UnitCellModel] | SpacemapError
+
+
+def _compute(
+    _drawn: Scene, key: Any, values: Mapping[str, Any], base: Path
+) -> Generator[None, None, _Result]:
+    """Compute constants and stresses with a scene of its own, so that the drawn one stays."""
+
+    def compute() -> _Result:
+        from spacemap_vtk.scenes.composite import compute_constants, unit_cell_model
+
+        try:
+            scene = Scene(values, base)
+            return _Result(key, (compute_constants(scene), unit_cell_model(scene, fields=True)))
+        except Cancelled:
+            raise
+        except SpacemapError as error:
+            return _Result(key, error)
+
+    return in_slices(compute)
+
+
+class CompositeTab(QWidget):
+    """Materials, slices through the unit cell, and the constants."""
+
+    #: Ending of a file to write, and the kind of its job.
+    export_requested = Signal(str, str)
+
+    def __init__(self, document: Document, engine: Engine) -> None:
+        from spacemap_vtk.draw.figure.unit_cell_plot import CONTENTS, PLANES
+        from spacemap_vtk.unit_cell.mixtures import COMPONENTS
+
+        super().__init__()
+        self._document, self._engine = document, engine
+        self.fibre = self._choice("fibre", {key: one.title for key, one in FIBRES.items()})
+        self.matrix = self._choice("matrix", {key: one.title for key, one in MATRICES.items()})
+        self.packing = QDoubleSpinBox(minimum=0.05, maximum=0.9, singleStep=0.05, decimals=2)
+        self.packing.setToolTip(UnitCell.parameter("packing").help)
+        self.packing.editingFinished.connect(self._set_packing)
+        self.run_button = QPushButton("Compute")
+        self.run_button.clicked.connect(self._start_or_cancel)
+        self.save_button = QPushButton("Save")
+        menu = QMenu(self)
+        for text, (ending, kind) in SAVED.items():
+            menu.addAction(text, partial(self.export_requested.emit, ending, kind))
+        self.save_button.setMenu(menu)
+        self.content = narrow(QComboBox(toolTip="What is shown"), 10)
+        for key, label in {**CONTENTS, _MODULI: "Modulus over the direction"}.items():
+            self.content.addItem(label, key)
+        self.load = narrow(QComboBox(toolTip="Mean strain"), 3)
+        self.load.addItems(COMPONENTS)
+        self.plane = narrow(QComboBox(toolTip="Plane of the slice"), 8)
+        for key, label in PLANES.items():
+            self.plane.addItem(label, key)
+        self.slider = QSlider(Qt.Orientation.Horizontal, toolTip="Position of the slice")
+        self.slider.valueChanged.connect(self._draw)
+        self.plane.currentIndexChanged.connect(self._choose_plane)
+        for box in (self.content, self.load):
+            box.currentIndexChanged.connect(self._draw)
+        self.progress_bar = QProgressBar(maximum=0, textVisible=False)
+        self.notes = note(_HINT)
+        self.table = QTableWidget(0, len(_HEADINGS))
+        self.table.setHorizontalHeaderLabels(_HEADINGS)
+        self.table.verticalHeader().hide()
+        self.table.verticalHeader().setDefaultSectionSize(22)
+        self.table.setShowGrid(False)
+        self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
+        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        #: Created with the first result, because importing matplotlib takes time.
+        self.canvas: FigureCanvasQTAgg | None = None
+        self.result: tuple[Composite, UnitCellModel] | None = None
+        self._requested: Any = None
+        self._parts = QSplitter(childrenCollapsible=False)
+        self._parts.setOrientation(Qt.Orientation.Vertical)
+        self._parts.addWidget(self.table)
+        column(
+            self,
+            row(None, QLabel("Fibre"), (self.fibre, 1), QLabel("Matrix"), (self.matrix, 1)),
+            row(None, QLabel("Packing"), self.packing, (self.run_button, 1), self.save_button),
+            self.notes,
+            self.progress_bar,
+            row(None, (self.content, 2), self.load, (self.plane, 1)),
+            self.slider,
+            (self._parts, 1),
+            margins=(6, 6, 6, 6),
+            spacing=6,
+        )
+        engine.background_ready.connect(self._receive)
+        document.changed.connect(self._follow_document)
+        document.replaced.connect(self._clear)
+        self._clear()
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Draw again in the colours of another theme."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            self._draw()
+
+    def _choice(self, name: str, titles: Mapping[str, str]) -> QComboBox:
+        box = narrow(QComboBox(toolTip=UnitCell.parameter(name).help), 8)
+        for key, title in titles.items():
+            box.addItem(title, key)
+        box.activated.connect(lambda _: self._document.set(_SECTION, name, box.currentData()))
+        return box
+
+    def _set_packing(self) -> None:
+        if abs(self.packing.value() - self._value("packing")) > 1e-9:
+            self._document.set(_SECTION, "packing", round(self.packing.value(), 4))
+
+    def _value(self, name: str) -> Any:
+        part = self._document.scene.parts[_SECTION]
+        return getattr(part, name)
+
+    def _follow_document(self) -> None:
+        """Show the values of the scene, and mark constants of other values."""
+        for box, name in ((self.fibre, "fibre"), (self.matrix, "matrix")):
+            box.setCurrentIndex(box.findData(self._value(name)))
+        self.packing.setValue(self._value("packing"))
+        if self.result is not None:
+            self.notes.setText(_OLD)
+
+    def _start_or_cancel(self) -> None:
+        if self._requested is not None:
+            self._engine.start_background(None)
+            self._finish("Cancelled.")
+            return
+        self._requested = self._document.values
+        self.run_button.setText("Cancel")
+        self.progress_bar.show()
+        work = partial(
+            _compute, key=self._requested, values=self._requested, base=self._document.base
+        )
+        self._engine.start_background(work)
+
+    def _finish(self, text: str) -> None:
+        self._requested = None
+        self.run_button.setText("Compute")
+        self.progress_bar.hide()
+        self.notes.setText(text)
+
+    def _receive(self, result: Any) -> None:
+        if not isinstance(result, _Result) or result.key is not self._requested:
+            return  # the result belongs to another tab, or was cancelled
+        if isinstance(result.outcome, SpacemapError):
+            self._finish(self._document.drafts.replace_paths(str(result.outcome)))
+            return
+        from spacemap_vtk.scenes.composite import constant_rows
+
+        self.result = result.outcome
+        found = self.result[0]
+        self._finish(
+            f"{' × '.join(map(str, found.voxels))} voxels; yarns {found.yarn_share:.0%}, fibres "
+            f"{found.fibre_share:.0%} of the volume."
+        )
+        lines = constant_rows(found)
+        self.table.setRowCount(len(lines))
+        for place, cells in enumerate(lines):
+            for across, text in enumerate(cells):
+                self.table.setItem(place, across, QTableWidgetItem(text))
+        self._set_parts_enabled(True)
+        self._choose_plane()
+
+    def _set_parts_enabled(self, enabled: bool) -> None:
+        for widget in (self.content, self.load, self.plane, self.slider):
+            widget.setEnabled(enabled)
+
+    def _choose_plane(self, _index: int = 0) -> None:
+        """Show the middle slice of another plane."""
+        from spacemap_vtk.draw.figure.unit_cell_plot import slice_count
+
+        if self.result is None:
+            return
+        count = slice_count(self.result[1], self.plane.currentData())
+        self.slider.blockSignals(True)
+        self.slider.setRange(0, count - 1)
+        self.slider.setValue(count // 2)
+        self.slider.blockSignals(False)
+        self._draw()
+
+    def _draw(self, _value: int = 0) -> None:
+        """Draw the slice, or the moduli."""
+        if self.result is None:
+            return
+        from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
+
+        from spacemap_vtk.draw.figure.measurement_plot import DARK, LIGHT
+        from spacemap_vtk.draw.figure.page import new_figure
+        from spacemap_vtk.draw.figure.polar_plot import draw_moduli
+        from spacemap_vtk.draw.figure.unit_cell_plot import draw_slice
+
+        if self.canvas is None:
+            self.canvas = FigureCanvasQTAgg(new_figure(dpi=100, layout="constrained"))
+            self.canvas.setMinimumHeight(200)
+            self._parts.insertWidget(0, self.canvas)
+            self._parts.setSizes([420, 220])
+        self.canvas.show()
+        figure = self.canvas.figure
+        figure.clear()
+        ink = DARK if is_dark(self) else LIGHT
+        figure.set_facecolor(ink.paper)
+        content = self.content.currentData()
+        is_slice = content != _MODULI
+        self.load.setVisible(content == "stress")
+        self.plane.setVisible(is_slice)
+        self.slider.setVisible(is_slice)
+        if is_slice:
+            where = self.plane.currentData(), self.slider.value(), content, self.load.currentText()
+            draw_slice(figure.subplots(), self.result[1], *where, ink=ink)
+        else:
+            draw_moduli(
+                figure.subplots(subplot_kw={"projection": "polar"}), self.result[0], ink=ink
+            )
+        self.canvas.draw_idle()
+
+    def _clear(self) -> None:
+        """Forget the constants of another scene."""
+        self.result = None
+        self.table.setRowCount(0)
+        self.load.hide()
+        self._set_parts_enabled(False)
+        if self.canvas is not None:
+            self.canvas.hide()
+        if self._requested is not None:
+            self._engine.start_background(None)
+        self._follow_document()
+        self._finish(_HINT)

@@ -1,0 +1,59 @@
+"""The composite tab: constants as by the command line, and slices of the voxels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from window import require_display, wait_until
+
+require_display()
+
+from PySide6.QtWidgets import QFileDialog  # noqa: E402
+
+from spacemap_vtk.scenes.composite import compute_constants, constant_rows  # noqa: E402
+from spacemap_vtk.scenes.scene import Scene  # noqa: E402
+
+
+def test_the_constants_are_those_of_the_command_line(
+    open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = open_scene("plain_weave")
+    tab, document = window.composite, window.document
+    window.tabs.setCurrentWidget(tab)
+    document.set("unit_cell", "voxels", 16)
+    tab.fibre.setCurrentIndex(tab.fibre.findData("carbon_t300"))
+    tab.fibre.activated.emit(tab.fibre.currentIndex())
+    assert document.scene.parts["unit_cell"].fibre == "carbon_t300"
+    assert not tab.slider.isEnabled()
+    tab.run_button.click()
+    wait_until(lambda: tab.run_button.text() == "Compute")
+    assert tab.result is not None
+    scene = Scene.read("plain_weave")
+    scene.set("unit_cell.voxels=16")
+    scene.set("unit_cell.fibre=carbon_t300")
+    rows = constant_rows(compute_constants(scene))
+    shown = [tab.table.item(line, 1).text() for line in range(tab.table.rowCount())]
+    assert shown == [value for _, value, *_ in rows]
+    # The slices are those of the voxels, and stresses have their own scale.
+    tab.content.setCurrentIndex(tab.content.findData("fraction"))
+    tab.plane.setCurrentIndex(tab.plane.findData("x"))
+    tab.slider.setValue(3)
+    picture = tab.canvas.figure.axes[0].images[0].get_array()
+    np.testing.assert_array_equal(picture, tab.result[1].voxels.fraction[:, :, 3])
+    tab.content.setCurrentIndex(tab.content.findData("stress"))
+    assert not tab.load.isHidden()
+    assert "GPa" in tab.canvas.figure.axes[1].get_ylabel()
+    tab.content.setCurrentIndex(tab.content.findData("moduli"))
+    assert tab.slider.isHidden()
+    # Another fibre makes them old; undo brings the first one back.
+    document.history.undo()
+    assert tab.fibre.currentData() == "e_glass"
+    assert "changed" in tab.notes.text()
+    saved: list[tuple[Any, ...]] = []
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(tmp_path / "c.vti"), ""))
+    monkeypatch.setattr(window.exports, "start", lambda *job: saved.append(job))
+    tab.save_button.menu().actions()[1].trigger()
+    assert saved == [("unit_cell", tmp_path / "c.vti")]
