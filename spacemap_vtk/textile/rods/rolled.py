@@ -12,14 +12,9 @@ import numpy as np
 
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.textile.rods.energy import RodEnergy, RodMechanics
-<<<<<<< Updated upstream
 from spacemap_vtk.textile.rods.overlap import largest_overlap
 from spacemap_vtk.textile.rods.relax import relax_again
 from spacemap_vtk.textile.rods.yarns import Yarn, move_to_image, sample_yarns, unknowns
-=======
-from spacemap_vtk.textile.rods.relax import nearest_distance, relax_again
-from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
->>>>>>> Stashed changes
 
 
 class Rolled(NamedTuple):
@@ -64,11 +59,7 @@ def roll_yarns(
     z = relax_again(energy, unknowns(yarns, cell), np.eye(2, 3, dtype=bool)).z
     parts = np.split(z[:-2], np.cumsum([len(yarn.points) for yarn in yarns])[:-1])
     rolled = [yarn._replace(points=part) for yarn, part in zip(yarns, parts, strict=True)]
-<<<<<<< Updated upstream
     return Rolled(rolled, z[-2:], largest_overlap(rolled, z[-2:], samples.turn))
-=======
-    return Rolled(rolled, z[-2:], max(1.0 - nearest_distance(energy, z), 0.0))
->>>>>>> Stashed changes
 
 
 def repeat_round(rolled: Rolled, laid: Sequence[tuple[int, int]], repeats: int) -> list[Floats]:
