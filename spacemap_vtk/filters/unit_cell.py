@@ -301,7 +301,7 @@ def make_unit_cell(
         )
     if count is None:
         count = _choose_count(_count_yarns(patches, corner, np.array([along[0], across[1]])))
-    surfaces = _surfaces_of(patches)
+    surfaces = _surfaces_of(patches, corner[:2], corner[:2] + np.array([along[0], across[1]]))
     inside = surfaces.points[..., 2]
     low, high = float(inside.min()), float(inside.max())
     height = high - low if stage.height is None else stage.height
@@ -346,13 +346,15 @@ def _describe_overlap(share: float) -> str:
     )
 
 
-def _surfaces_of(patches: vtkUnstructuredGrid) -> YarnSurfaces:
+def _surfaces_of(patches: vtkUnstructuredGrid, low: Floats, high: Floats) -> YarnSurfaces:
     weights = patches.GetPointData().GetRationalWeights()
     return sample_surfaces(
         points_of(patches),
         cells_of(patches, VTK_BEZIER_QUADRILATERAL, "patches"),
         None if weights is None else array_of(patches.GetPointData(), "RationalWeights", "patches"),
         array_of(patches.GetCellData(), "yarn", "patches"),
+        low,
+        high,
     )
 
 

@@ -31,7 +31,12 @@ class YarnSurfaces(NamedTuple):
 
 
 def sample_surfaces(
-    points: AnyFloats, patches: AnyInts, weights: Floats | None, yarn: AnyInts
+    points: AnyFloats,
+    patches: AnyInts,
+    weights: Floats | None,
+    yarn: AnyInts,
+    low: Floats,
+    high: Floats,
 ) -> YarnSurfaces:
     """Sample the tubes of yarns at the corners of their facets; caps are left out.
 
@@ -46,6 +51,8 @@ def sample_surfaces(
         Rational weights.
     yarn : ndarray of int, shape (P,)
         Yarn of each patch.
+    low, high : ndarray, shape (2,)
+        Corners of a box along x and y [m]; parts outside it are left out.
 
     Returns
     -------
@@ -54,6 +61,11 @@ def sample_surfaces(
     """
     net: Ints = np.asarray(patches, np.int64)[:, quadrilateral_order(3, 3)].reshape(-1, 4, 4)
     starts, counts = _find_rings(net)
+    corners = points[net.reshape(len(net), -1), :2]
+    near = (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(axis=1)
+    seen = np.append(0, np.cumsum(near))
+    used = seen[starts + counts] > seen[starts]
+    starts, counts = starts[used], counts[used]
     tube = np.repeat(starts, counts) + np.concatenate([np.arange(n) for n in counts])
     net, owner = net[tube], np.asarray(yarn, np.int64)[tube]
     ring = np.cumsum(counts) - counts

@@ -113,17 +113,14 @@ class VoxelElasticity:
         loads = np.ascontiguousarray(loads)
         count = len(loads)
         moved = np.zeros((count, 3, *self._shape), self._number)
-        forces = np.empty_like(moved)
-        left = np.empty_like(moved)
         steps = [0] * count
         done: list[int] = []
 
         def solve_load() -> Callable[[int], None]:
             def solve_one(load: int) -> None:
-                forces[load] = -self._apply(moved[load], loads[load])
-                left[load] = forces[load]
+                left = -self._apply(moved[load], loads[load])
                 energy = np.einsum("zi,zij,zj", loads[load], self._layers, loads[load])
-                steps[load] = self._minimise(moved[load], left[load], tolerance, energy)
+                steps[load] = self._minimise(moved[load], left, tolerance, energy)
                 done.append(load)
                 if report_progress is not None:
                     report_progress(len(done) / count)
@@ -131,7 +128,7 @@ class VoxelElasticity:
             return solve_one
 
         for_each(list(range(count)), solve_load)
-        return Response(moved, self._energies(loads, moved, forces, left), steps)
+        return Response(moved, self._energies(loads, moved), steps)
 
     def _apply(self, moved: Reals, strain: Reals) -> Reals:
         """Compute the nodal forces per volume of a voxel [Pa/m], (3, nz, ny, nx)."""
@@ -224,15 +221,17 @@ class VoxelElasticity:
             "their own in voxels.",
         )
 
-    def _energies(self, loads: Reals, moved: Reals, forces: Reals, left: Reals) -> Floats:
-        # With K u = f − r, the energy between two loads is that of the imposed strains less
-        # f·u of one, and r·u of the other; the error is of second order in r.
-        count, voxels = len(loads), np.prod(self._shape)
+    def _energies(self, loads: Reals, moved: Reals) -> Floats:
+        """Compute twice the mean energy density between loads, (loads, loads)."""
+        # With K u = f − r, the energy between two loads is that of the imposed strains less f·u of
+        # one, and r·u of the other; the error is of second order in r.
         energies = np.einsum("azi,zij,bzj->ab", loads, self._layers, loads, optimize=True)
-        for a in range(count):
-            for b in range(count):
-                energies[a, b] -= _dot(forces[a], moved[b]) + _dot(left[b], moved[a])
-        energies /= voxels
+        still = np.zeros_like(moved[0])
+        for load, one in enumerate(moved):
+            force, left = -self._apply(still, loads[load]), -self._apply(one, loads[load])
+            energies[load] -= [_dot(force, other) for other in moved]
+            energies[:, load] -= [_dot(left, other) for other in moved]
+        energies /= np.prod(self._shape)
         return (energies + energies.T) / 2
 
     def _precondition(self, left: Reals) -> Reals:
