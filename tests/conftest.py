@@ -269,11 +269,14 @@ def coarse_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     folder = tmp_path_factory.mktemp("scenes")
     shutil.copytree(library.folder(), folder, dirs_exist_ok=True)
-    for name in ("plain_weave", "calculix_fabric", "double_weave", "handweaving"):
+    names = ("plain_weave", "calculix_fabric", "double_weave", "gust", "handweaving", "stockinette")
+    for name in names:
         scene = folder / f"{name}.toml"
         text, count = re.subn(r"(?m)^subdivisions = \d+", "subdivisions = 2", scene.read_text())
         assert count == 1
         scene.write_text(text)
+    with (folder / "twill_2_2.toml").open("a") as stream:
+        stream.write("[surface]\nsubdivisions = 2\n")
     return folder
 
 

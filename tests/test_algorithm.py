@@ -104,7 +104,7 @@ class Waiting(Stage):
     def run(self, inputs: list[Any], output: Any, time: float) -> None:
         length = self.length
         self.begun.set()
-        assert self.let.wait(10.0)
+        assert self.let.wait(300.0)
         output.ShallowCopy(inputs[0])
         add_array(output.GetFieldData(), "length", np.array([length]))
 
@@ -116,7 +116,7 @@ def test_second_thread_is_refused_and_its_changes_are_kept() -> None:
     connect(weave, surface)
     with ThreadPoolExecutor(1) as other:
         running = other.submit(waiting.update)
-        assert waiting.begun.wait(10.0)
+        assert waiting.begun.wait(300.0)
         for stage in (waiting, surface):  # the weave is both's
             with pytest.raises(
                 SpacemapError, match=r"another thread is updating .*threading\.Lock"

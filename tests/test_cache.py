@@ -289,7 +289,7 @@ def test_killed_process_leaves_no_partial_entry(place):
                 assert time.monotonic() < end
                 time.sleep(0.001)
             process.terminate()
-            assert process.wait(60) in (143, -signal.SIGTERM)
+            assert process.wait(300) in (143, -signal.SIGTERM)
         finally:
             process.kill()
     assert [path.suffix for path in place.glob("*")] in ([], [".npz"])

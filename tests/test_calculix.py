@@ -38,7 +38,7 @@ WOVEN = orthotropic([2e6, 1e6, 1e5], [3e5, 4e4, 5e4], [0.2, 0.1, 0.05])
 
 def calculix(file):
     """Return the eigenvalues and frequencies that CalculiX finds."""
-    subprocess.run([CCX, file.stem], cwd=file.parent, check=True, capture_output=True, timeout=120)
+    subprocess.run([CCX, file.stem], cwd=file.parent, check=True, capture_output=True, timeout=300)
     rows = re.findall(
         r"^\s+\d+\s+(\S+)\s+\S+\s+(\S+)\s+\S+\s*$", file.with_suffix(".dat").read_text(), re.M
     )

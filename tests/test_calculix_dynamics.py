@@ -103,7 +103,7 @@ def calculix(
     (folder / "cage.inp").write_text("\n".join(lines))
     assert CCX is not None
     done = subprocess.run(
-        [CCX, "-i", "cage"], cwd=folder, capture_output=True, text=True, check=False, timeout=120
+        [CCX, "-i", "cage"], cwd=folder, capture_output=True, text=True, check=False, timeout=300
     )
     assert done.returncode == 0, done.stdout[-2000:]
     text = (folder / "cage.dat").read_text()

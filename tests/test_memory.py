@@ -155,7 +155,7 @@ def test_picture_too_large_for_its_container_is_refused(tight_group: Path, tmp_p
         capture_output=True,
         text=True,
         check=False,
-        timeout=100,
+        timeout=300,
     )
     assert done.returncode == 2, done.stderr
     assert re.search("a picture of 60 x 60 yarns.* would need about", done.stderr)

@@ -45,7 +45,7 @@ def play_motion(file: Path, seconds: Sequence[float] = (), clip: int = 0) -> dic
         pytest.skip("needs node, and gltf-validator and three in .venv-node")
     script = ROOT / "tests" / "play_gltf.mjs"
     words = ["node", script, MODULES, file, str(clip), *map(str, seconds)]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=300)
     found: dict[str, Any] = json.loads(done.stdout)
     assert found["issues"]["messages"] == []  # no hint, even
     return found

@@ -247,7 +247,7 @@ def test_without_a_display_all_end_with_the_message(blind: str, tmp_path: Path) 
     draws = ["pvbatch", script, tmp_path / "cloth.png", 2]
     cannot = ["env", "-u", "DISPLAY", *draws]
     ranks = ["-np", 1, *(cannot if blind == "both" else draws), ":", "-np", 1, *cannot]
-    code, out, error = mpirun(*ranks, timeout=100.0)
+    code, out, error = mpirun(*ranks, timeout=300.0)
     assert code == 1, out + error
     assert error.count("spacemap: ParaView has no display. Set DISPLAY ") == 1, error
     assert not (tmp_path / "cloth.png").exists()

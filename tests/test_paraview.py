@@ -32,10 +32,9 @@ pytestmark = pytest.mark.skipif(
     shutil.which("pvpython") is None or shutil.which("xvfb-run") is None,
     reason="needs pvpython and xvfb-run: apt-get install paraview python3-paraview xvfb xauth",
 )
-#: Pipelines that the gate leaves out; one that is run with MPI; and the others.
+#: Pipelines that take longest, and one that is run with MPI.
 SLOW = {"film", "on_a_result"}
 PARALLEL = {"cloth_over_ranks"}
-QUICK = {path.stem for path in PIPELINES.glob("*.py")} - SLOW - PARALLEL
 #: Environment of a shell that finds this Python and this package.
 SHELL = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
 XVFB = ["xvfb-run", "-a", "-s", "-screen 0 1280x1024x24 -noreset"]
@@ -105,12 +104,10 @@ def test_scripts_in_one_session(tmp_path: Path) -> None:
     # Scripts of plain VTK, as they are: ParaView's Python has an older VTK and no PyVista.
     scripts |= {f"../../pipelines/{name}": ([], "") for name in ("with_vtk", "on_a_result")}
     scripts["../paraview_pipeline"] = [], "1 passed"
-    # Pipelines of ParaView; the first one sets the shape of the view: one that fills its picture.
-    drawn = ["plain_weave", *sorted(QUICK - {"plain_weave"})]
-    pipelines = {f"../../pipelines/paraview/{n}": ([tmp_path / f"{n}.png"], "") for n in drawn}
-    run_in_one_session(pipelines | scripts, tmp_path)
-    for name in drawn:
-        in_the_yarns_colours(tmp_path / f"{name}.png")
+    # It comes first and sets the shape of the view: one that its picture fills.
+    woven = {"../../pipelines/paraview/plain_weave": ([tmp_path / "woven.png"], "sag")}
+    run_in_one_session(woven | scripts, tmp_path)
+    in_the_yarns_colours(tmp_path / "woven.png")
     pictures = [
         np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB")).astype(int)
         for name in ("shown", "again", "displacement", "map")
@@ -172,13 +169,13 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[int
             start_new_session=True,
         )
     try:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 300
         while "Accepting connection" not in log.read_text():
             assert process.poll() is None, log.read_text()
             assert time.monotonic() < deadline, log.read_text()
             time.sleep(0.1)
         yield port, request.param
-        process.wait(timeout=30)  # the server ends with its only client
+        process.wait(timeout=300)  # the server ends with its only client
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -200,7 +197,7 @@ def test_client_and_server_work(server: tuple[int, str], tmp_path: Path) -> None
         env=client,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -250,7 +247,7 @@ def test_the_pipeline_script_runs(name: str, program: str, least: float, tmp_pat
 @pytest.mark.nightly
 @pytest.mark.parametrize("slow", [False, True])
 def test_pipeline_scripts_in_one_batch(slow: bool, tmp_path: Path) -> None:
-    names = SLOW if slow else QUICK
+    names = SLOW if slow else {path.stem for path in PIPELINES.glob("*.py")} - SLOW - PARALLEL
     # The first one sets the shape of the view: one that fills its picture.
     ordered = sorted(names, key=lambda name: (name not in ("plain_weave", "film"), name))
     files = {os.path.relpath(PIPELINES / name, SCRIPTS): tmp_path / name for name in ordered}

@@ -72,7 +72,7 @@ def test_equilibrium_reports_progress_and_can_be_interrupted(tmp_path: Path) -> 
     os.close(terminal)
     stated = ""
     try:
-        end = time.monotonic() + 100
+        end = time.monotonic() + 300
         while "ModalSolver hanging" not in stated:
             assert time.monotonic() < end, stated
             if select.select([master], [], [], 1.0)[0]:
@@ -83,7 +83,7 @@ def test_equilibrium_reports_progress_and_can_be_interrupted(tmp_path: Path) -> 
                 stated += os.read(master, 65536).decode(errors="replace")
             except OSError:  # nobody writes there any more
                 break
-        assert process.wait(20) == 1
+        assert process.wait(300) == 1
     finally:
         process.kill()
         os.close(master)
@@ -118,6 +118,6 @@ def test_interrupt_while_progress_is_shown_stops_like_any_other(tmp_path: Path) 
     scene = tmp_path / "drape.toml"
     scene.write_text(DRAPE)
     command = [sys.executable, "-c", INTERRUPT, "render", str(scene), "-o", str(tmp_path / "a.png")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 1
     assert done.stderr.rstrip().endswith("spacemap: stopped")

@@ -400,6 +400,7 @@ SHORTER = {
 LONG = {
     "animal_in_carved_cage",
     "arm",
+    "braid_on_rod",
     "capstan",
     "catenary",
     "curl",
@@ -419,10 +420,12 @@ LONG = {
     "rib_1x1",
     "rib_2x2",
     "seed_stitch",
+    "sleeve",
     "squall",
     "swing",
     "tablecloth",
     "three_strand_plait",
+    "tricot",
     "tubular_braid",
     "yarn_tension",
     "yarn_to_cloth",
@@ -439,7 +442,9 @@ NO_CAGE = {
     "rib_1x1",
     "rib_2x2",
     "seed_stitch",
+    "sleeve",
     "three_strand_plait",
+    "tricot",
     "tubular_braid",
 }
 

@@ -128,7 +128,7 @@ async def _call(socket, number, method, args):
         await socket.send_bytes(chunk)
     heard = chunking.UnChunker()
     heard.set_max_message_size(1 << 30)
-    while (found := heard.process_chunk(await socket.receive_bytes(timeout=20))) is None:
+    while (found := heard.process_chunk(await socket.receive_bytes(timeout=300))) is None:
         pass
     return found
 
@@ -229,7 +229,7 @@ def test_browser_page_moves_and_follows_changes(served):
         assert {a for a in page.addresses if not a.startswith((address, "data:"))} == set()
         assert page.complaints == []
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(300) == 0
         page.wait_until("document.querySelector('#closed') !== null")
     assert process.stdout is not None
     assert process.stdout.read() == ""

@@ -75,7 +75,7 @@ def calculix(
     lines += [f"SHEET, GRAV, {amount}, {way}", "*NODE PRINT, NSET=ALL", "U", "*END STEP"]
     lines += ["*STEP, PERTURBATION", "*FREQUENCY", str(COUNT), "*END STEP"]
     (folder / "sheet.inp").write_text("\n".join(lines) + "\n")
-    subprocess.run([CCX, "sheet"], cwd=folder, check=True, capture_output=True, timeout=120)
+    subprocess.run([CCX, "sheet"], cwd=folder, check=True, capture_output=True, timeout=300)
     hung, modes = (folder / "sheet.dat").read_text().split("E I G E N V A L U E   O U T P U T")
     rows = re.findall(r"^\s+\d+\s+(\S+E\S+)\s+(\S+E\S+)\s+(\S+E\S+)$", hung, re.M)
     moved = np.array(rows[-len(points) :], dtype=np.float64)
@@ -163,7 +163,7 @@ def calculix_on_ground(
     lines += [f"SHEET, GRAV, {GRAVITY}, 0, 0, -1", "*NODE PRINT, NSET=ALL", "U"]
     lines += ["*NODE PRINT, NSET=GROUND, TOTALS=ONLY", "RF", "*END STEP"]
     (folder / "ground.inp").write_text("\n".join(lines) + "\n")
-    subprocess.run([CCX, "ground"], cwd=folder, check=True, capture_output=True, timeout=120)
+    subprocess.run([CCX, "ground"], cwd=folder, check=True, capture_output=True, timeout=300)
     text = (folder / "ground.dat").read_text()
     rows = re.findall(r"^\s+\d+\s+(\S+E\S+)\s+(\S+E\S+)\s+(\S+E\S+)$", text, re.M)
     totals = re.findall(r"^\s+(\S+E\S+)\s+(\S+E\S+)\s+(\S+E\S+)$", text, re.M)

@@ -73,7 +73,7 @@ def test_folder_is_removed_however_the_process_ends(
         for number in signals:
             process.send_signal(number)
             time.sleep(0.01)  # or they would be one
-        assert process.wait(20) in status
+        assert process.wait(300) in status
     assert list(tmp_path.iterdir()) == []
 
 

@@ -179,7 +179,7 @@ def test_child_process_ends_with_the_cancelled_run(tmp_path: Path) -> None:
     wait_until(lambda: (tmp_path / "pid").is_file() and (tmp_path / "pid").read_text())
     start = time.monotonic()
     token.cancel()
-    thread.join(10.0)
+    thread.join(300.0)
     assert ends[0] - start < cancel_time()
     assert not psutil.pid_exists(int((tmp_path / "pid").read_text()))
 
@@ -265,7 +265,7 @@ def test_closing_before_a_run_starts_ends_the_engine(qapp: Any) -> None:
 
         engine.run_request = late
         engine.request(make_request(2))
-        assert taken.wait(30.0)
+        assert taken.wait(300.0)
         engine.finish()
         assert results == ["cancelled"]
 
@@ -283,7 +283,7 @@ def test_cancelling_a_long_run_does_not_cancel_the_next(
             taken.append(job)
             start.set()
             if job is first:
-                assert asked.wait(30.0)
+                assert asked.wait(300.0)
             do(job)
 
         class Late(CancelToken):
@@ -299,7 +299,7 @@ def test_cancelling_a_long_run_does_not_cancel_the_next(
         monkeypatch.setattr("spacemap_vtk.app.work.engine.CANCEL_AFTER", 0.0)
         engine.run_request = slow
         engine.request(first)
-        assert start.wait(30.0)
+        assert start.wait(300.0)
         engine.request(second)
         wait_until(lambda: len(results) == 2)
         assert results[1] == second.values

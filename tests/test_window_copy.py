@@ -51,6 +51,7 @@ def change_a_lot(window: Any) -> None:
     document.set("response", "initial", None)
     loads = [{"pressure": "0.5 Pa", "on": "+z", "time": "table", "times": [0, 1], "values": [1, 1]}]
     document.set("response", "loads", loads)
+    document.set("surface", "subdivisions", 3)  # whatever the tests' copy of the scene says
     document.set("view", "color", "velocity")
     document.set("view", "size", [200, 100])
 

@@ -32,6 +32,7 @@ def names_by_kind() -> dict[str, list[str]]:
             "Moving cloth",
             "Hanging cloth",
             "Cloth on obstacles",
+            "Other textiles",
             "Other objects",
         )
     }
@@ -44,7 +45,7 @@ def names_by_kind() -> dict[str, list[str]]:
         if "obstacles" in scene.get("modal", {}):
             kind = "Cloth on obstacles"
         if "weave" not in scene:
-            kind = "Other objects"
+            kind = "Other textiles" if "textile" in scene else "Other objects"
         found[kind].append(name)
     return found
 
