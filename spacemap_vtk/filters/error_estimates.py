@@ -22,6 +22,7 @@ from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.mechanics.boundary.places import (
     ends_between_vertices,
     find_spans,
+    find_vertices,
 )
 from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.convergence import (
@@ -133,6 +134,24 @@ class ErrorEstimates:
             return 0.0
         length = min(sheet.bending_length) * (GRAVITY / gravity) ** (1 / 3)
         return fold_error(self.modes.model, length)
+
+    @cached_property
+    def hidden_arms(self) -> dict[str, float]:
+        """Half the size of supports of which the cage shows one place only, by their names [m]."""
+        # Whatever moment such a support would carry, the cage has none.
+        points = points_of(self.solver.output).astype(np.float64)
+        low, high = points.min(axis=0), points.max(axis=0)
+        normal = int((high - low).argmin())
+        found = {}
+        for place in self.solver.held_places:
+            spans = find_spans(low, high, [place], normal)
+            if sheet_of(self.solver.output) is None or not spans[normal]:
+                continue
+            held = points[find_vertices(points, place)]
+            if np.delete(np.ptp(held, axis=0), normal).max() == 0.0:
+                sizes = [b - a for ((a, b),) in spans] * (high - low)
+                found[str(place)] = float(np.delete(sizes, normal).max()) / 2
+        return found
 
     def compare(self, *values: ArrayLike) -> Estimate:
         """Estimate the error of a figure of the equilibrium.

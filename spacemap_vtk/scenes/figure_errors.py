@@ -55,6 +55,10 @@ def add_errors(
             found: Estimate | None = None
             if estimates is not None and len(known) > 1:
                 found = estimates.compare(*known)
+                if key == "moment" and table["name"] in estimates.hidden_arms:
+                    arm = estimates.hidden_arms[table["name"]]
+                    error = max(found.error, arm * float(np.linalg.norm(table["force"])))
+                    found = Estimate(error, converged=False)
                 converged.append(found.converged)
             table[f"{key}_error"] = None if found is None else found.error
         table["converged"] = all(converged) if converged else None
