@@ -253,7 +253,7 @@ LIMITS: dict[str, Limit] = {
         most=math.inf,
         unit="",
         basis="energies of one cell (`spacemap_vtk.textile.rods.stiffness`); the tangent of "
-        "stockinette at rest is three times its secant at 4 %",
+        "stockinette at rest is four to five times its secant at 4 %",
         beyond="friction makes real knits stiffer in bending and shear, and set lets them curl "
         "less; loops stiffen as they straighten",
         cure='give measured values ([modal] bending_rigidity, shear_rigidity), or law = "yarns"',

@@ -113,6 +113,16 @@ def test_rib_and_garter_do_not_curl(rows):
     assert np.linalg.eigvalsh(plate.bending).min() > 0.0
 
 
+@pytest.mark.nightly
+def test_a_blocked_knit_is_set():
+    blocked = Knit(diameter=MM, wale_spacing=5 * MM, tension=60.0, bending=2e-8)
+    plate = sheet_of_textile(blocked).plate
+    assert plate.curvature is None
+    assert np.linalg.eigvalsh(plate.membrane).min() > 0.0
+    with pytest.raises(InputError, match="its law is linear"):
+        law_of_textile(blocked)
+
+
 def test_what_is_no_sheet_is_refused():
     with pytest.raises(InputError, match="bending is missing"):
         sheet_of_textile(Knit(tension=60.0))

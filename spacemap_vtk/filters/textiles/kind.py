@@ -175,11 +175,13 @@ class TextileKind(Parameterised):
             rest = keep_recent(key, Rest(yarns, found["cell"], float(found["overlap"][0])))
         return rest
 
-    #: Whether yarns are straight if free, as those of a knit; others keep the shape in which they
-    #: were laid.
-    springs: ClassVar[bool] = False
     #: Whether yarns are loops, which lie neither along x nor along y.
     loops: ClassVar[bool] = False
+
+    @property
+    def springs(self) -> bool:
+        """Whether yarns are straight if free; others keep the shape in which they were laid."""
+        return False
 
     @property
     def set_in_use(self) -> float:

@@ -139,7 +139,12 @@ class Knit(TextileKind):
         maximum=1.0,
     )
 
-    springs = loops = True
+    loops = True
+
+    @property
+    def springs(self) -> bool:
+        """Whether yarns are straight if free; those of a blocked knit are set."""
+        return self.wale_spacing is None and self.course_spacing is None
 
     def cell_of_sheet(self, progress: Progress | None = None) -> Rest:
         """Return the yarns of a flat knit; a tube is no sheet."""

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 #: Components of the periods that follow yarns which are springs.
 SIDES = np.eye(2, 3, dtype=bool)
-#: Curvatures of the cell, per diameter, between which the energy of bending is differenced. Yarns
-#: touch in few samples, so that the energy has ripples; smaller curvatures would measure those.
+#: Curvatures of the cell, per diameter, between which the energy of bending is differenced: a tenth
+#: of that to which free stockinette curls.
 _CURVATURE = 0.05
 #: Angle of a period between which samples of set yarns are differenced [rad].
 _SMALL_TURN = 1e-4
