@@ -143,7 +143,29 @@ def parse_places(
 def find_vertices(
     vertices: Floats, place: Place, masks: Masks | None = None, what: str = "support"
 ) -> Bools:
-    """Find the vertices in a place, (V,); raise if there are none."""
+    """Find the vertices in a place.
+
+    Parameters
+    ----------
+    vertices : ndarray of float64, shape (V, 3)
+        Vertices of the mesh [m].
+    place : Place
+        The place.
+    masks : callable, optional
+        Function from the name of a point array to its values.
+    what : str, optional
+        Word for the place in a message.
+
+    Returns
+    -------
+    ndarray of bool, shape (V,)
+        Whether each vertex is in it.
+
+    Raises
+    ------
+    InputError
+        If none is.
+    """
     found = find_components(vertices, place, masks, what)
     return np.asarray(found.reshape(len(vertices), -1).any(axis=1))
 
