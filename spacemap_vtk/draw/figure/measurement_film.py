@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import PIL.Image
 from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.cage.lattice import build_lattice
@@ -17,6 +16,7 @@ from spacemap_vtk.draw.figure.measurement_plot import draw_curves
 from spacemap_vtk.draw.figure.page import new_figure
 from spacemap_vtk.draw.picture import Image, Picture
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.formats.pictures import write_png
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.laboratory.catalogue import LaboratoryTest
 from spacemap_vtk.laboratory.records import Axis, Measurement, States
@@ -120,7 +120,7 @@ def _write_specimen(
     """Write the drawn surfaces and a picture of the cloth; return the settings of the object."""
     file, picture = folder / "specimen.vtp", folder / "cloth.png"
     low, high = specimen.points[:, :2].min(axis=0), specimen.points[:, :2].max(axis=0)
-    PIL.Image.fromarray(draw_cloth(cloth, low, high)).save(picture)
+    write_png(picture, draw_cloth(cloth, low, high))
     # Fixtures have the colour of the picture's lowest rows.
     share = _PLAIN / (_PIXELS + _PLAIN)
     places = (specimen.points[:, :2] - low) / (high - low)
