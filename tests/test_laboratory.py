@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from math import cos, inf, pi, radians, sin, tan
+from dataclasses import replace
+from math import atan, cos, inf, pi, radians, sin, sqrt, tan
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from spacemap_vtk.mechanics.elements.plates import Plate
 from spacemap_vtk.mechanics.modal.convergence import estimate_error
 from spacemap_vtk.scenes.laboratory import fabric_of
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.crimp.cloth_law import cloth_law
 from spacemap_vtk.textile.crimp.contact_law import ContactLaw, VanWykContact
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
@@ -415,6 +417,51 @@ def test_friction_of_crossings_gives_its_couple_as_hysteresis() -> None:
     area = -float(np.sum(np.diff(curve.x) * (curve.y[1:] + curve.y[:-1]) / 2))
     work = 4 * friction.limit * (radians(shear.LARGEST) - slip)
     assert abs(area) == pytest.approx(work, rel=1e-2)  # corners lie between two points
+
+
+def test_hysteresis_of_shear_follows_from_peirces_angle() -> None:
+    """M_f = ⅔ μ V a and 2HG = 2 M_f/p², with a² = D₀² V/(16 k_D), for limp yarns.
+
+    V = 2 T (2θ - sin θ) presses the arcs of the yarns, T cos θ = W p; their resultant is 2 T sin θ.
+    """
+    yarns, friction, diameter, spacing = (1e-13, 1e-13), 0.2, 0.167e-3, 0.4e-3
+    mechanics = YarnMechanics((60.0, 60.0), 9.0, yarns)
+    plate = replace(cloth_stiffness(CLOTH, mechanics), law=cloth_law(CLOTH, mechanics))
+    fabric = Fabric(plate, 0.3e-3, 0.1, "its yarns", CLOTH, mechanics, friction)
+    # Peirce's angle of two equal families: of the straight part s between arcs.
+    straight = sqrt(spacing**2 - 3 * diameter**2)
+    angle = 2 * atan(diameter / (spacing + straight))
+    tension = 10.0 * records.GF_PER_CM.size * spacing / cos(angle)
+    pressed = 2 * tension * (2 * angle - sin(angle))
+    assert pressed == pytest.approx(1.08 * 2 * tension * sin(angle), rel=0.01)
+    radius = 2 * diameter * sqrt(pressed / (2 * 9.0) / 8)  # Hertz's, of crossed cylinders
+    couple = 2 / 3 * friction * pressed * radius
+    found = find_test("shear").measure(fabric)
+    for symbol in ("2HG", "2HG5"):
+        value = found.reading(symbol, "warp").value
+        assert value == pytest.approx(2 * couple / spacing**2, rel=0.01)
+    untold = find_test("shear").measure(replace(fabric, friction=None))
+    assert untold.reading("2HG", "warp").text == "not modelled"
+    assert "yarns.friction" in untold.reading("2HG", "warp").note
+
+
+@pytest.mark.nightly
+def test_tension_of_the_whole_specimen_converges() -> None:
+    """EMT 2.98 % and LT 0.502; a quarter in 96 × 48 cells has 2.980 % and 0.5024."""
+    fabric = cotton()
+    fabric = replace(fabric, plate=replace(fabric.plate, law=cloth_law(CLOTH, fabric.yarns)))
+    found = []
+    for cells in ((12, 6), (24, 12), (48, 24)):
+        extension, force, _ = tensile.pull_strip(fabric, 1, cells=cells)
+        curve = tensile.end_at_largest(extension, force)
+        readings = {each.symbol: each.value for each in tensile.tensile_readings("warp", *curve)}
+        found.append([readings["EMT"], readings["LT"]])
+    coarse, middle, fine = np.array(found)
+    # Errors fall with a power of the width between 1.5 and 2, as the corners of clamps are sharp.
+    ratio = (middle - coarse) / (fine - middle)
+    assert ((ratio > 2.5) & (ratio < 4.0)).all()
+    limit = fine + (fine - middle) / (ratio - 1)
+    np.testing.assert_allclose(limit, [2.981e-2, 0.5018], rtol=2e-3)
 
 
 @pytest.mark.parametrize("law", [ContactLaw(), VanWykContact()])

@@ -8,6 +8,9 @@ The stiffness of the cloth is that of its sheet. Of cloth from yarns, B is the l
 that bend along their whole length, unless yarns.bending_arcs says otherwise; B_rigid is the
 largest, of yarns that stick to the yarns they cross.
 
+2HB is not modelled: a published model of the loop takes its parameters from the measured loop
+itself (T. J. Lahey, G. R. Heppler, doi:10.1115/1.1629757), so that it cannot predict it.
+
 Source: S. Kawabata, "Standardization and Analysis of Hand Evaluation", 2nd ed., Textile Machinery
 Society of Japan (1980).
 """

@@ -11,7 +11,8 @@ between 0.5° and 2.5°, and the width of the loop at 0.5° and 5°, 2HG and 2HG
 
 Friction of crossings acts beside the elastic law. A crossing that is pressed by V and touches over
 the radius a resists its twist by k = V D/2 until it slips at the moment M_f = (2/3) µ V a, so that
-2HG = 2 M_f/(p1 p2) once it has slipped. V is the contact force under the pretension. As for Hertz's
+2HG = 2 M_f/(p1 p2) once it has slipped. V is the contact force under the pretension, which presses
+the arcs of the yarns: 2 T (2 theta - sin theta) of yarns without bending stiffness. As for Hertz's
 contact of crossed cylinders, a² = D (D0 - D)/8; crossings that do not flatten touch in a point.
 
 Source: S. Kawabata, "Standardization and Analysis of Hand Evaluation", 2nd ed., Textile Machinery
