@@ -228,6 +228,20 @@ LIMITS: dict[str, Limit] = {
         beyond="cloth stiffens as its yarns straighten, and does not resist compression like this",
         cure='set modal.law = "yarns", with [transient] if the cloth moves, or lower the loads',
     ),
+    "kinds": Limit(
+        stage="modal",
+        model="a law of twelve kinds of crossings",
+        assumes="other crossings that are like these",
+        quantity="largest difference of forces from those of all kinds of crossings",
+        found="forces of the yarns differ by up to {} from those of all kinds of crossings",
+        most=0.05,
+        unit="%",
+        basis="computed at seven stretches of the cloth; drafts of equal yarns have at most twelve "
+        "kinds that differ (`tests/test_membrane_law.py`)",
+        beyond="the cloth is pulled with this error",
+        cure="give yarns of one family the same thickness, or choose a draft with fewer floats "
+        "that differ",
+    ),
     "no_slip": Limit(
         stage="modal",
         model="cloth from its yarns",

@@ -43,6 +43,7 @@ from spacemap_vtk.textile.geometry.yarn_clearance import measure_clearance
 from spacemap_vtk.textile.weave.cloth import Cloth
 from spacemap_vtk.textile.weave.threads import Threads
 
+DRAFTS = Path(__file__).parents[1] / "scenes" / "drafts"
 #: Force of Kawabata's tensile test, 500 gf/cm, in N/m.
 FULL = 490.3
 #: Plain cotton of 20 tex: EA, k_D [N], B [N m²].
@@ -122,6 +123,55 @@ def test_the_table_has_the_forces_of_the_crossings(law: YarnLaw) -> None:
     exact = crossings.resultants(places).force
     found = np.transpose([forces(law, *each) for each in np.transpose(places)])
     np.testing.assert_allclose(found, exact, rtol=2e-3, atol=0.05)
+
+
+def test_the_table_of_a_satin_is_wrong_by_a_few_percent_where_yarns_are_straight() -> None:
+    """The line of taut yarns has a corner there; most places have a tenth of that error."""
+    cloth = woven("satin 8/3")
+    places = 1.0 + np.random.default_rng(0).uniform(-0.05, 0.08, (2, 1000))
+    exact = Interchange(cloth, COTTON).resultants(places).force
+    size = abs(exact).max(axis=0)
+    off = abs(np.array(forces(cloth_law(cloth, COTTON), *places)) - exact).max(axis=0) / size
+    off = off[size > 50.0]
+    assert off.max() < 0.035
+    assert np.quantile(off, 0.95) < 0.005
+
+
+def drafted(name: str) -> Cloth:
+    """A cloth of equal yarns after a draft."""
+    source = WeaveSource(draft=DRAFTS / f"{name}.wif")
+    source.update()
+    return source.cloth
+
+
+@pytest.mark.parametrize("name", ["dobby_crepe", "monks_belt", "overshot", "summer_and_winter"])
+def test_twelve_kinds_of_crossings_have_the_forces_of_all(name: str) -> None:
+    """Up to forty kinds of floats differ less in their forces."""
+    crossings = Interchange(drafted(name), COTTON)
+    few = crossings.with_fewer_kinds(12)
+    places = 1.0 + 0.05 * np.random.default_rng(0).uniform(-0.5, 1.2, (2, 100))
+    exact, found = crossings.resultants(places).force, few.resultants(places).force
+    np.testing.assert_allclose(found, exact, atol=1e-3 * abs(exact).max())
+    assert few.kinds_error < 1e-3
+
+
+def test_error_of_few_kinds_is_that_of_their_forces() -> None:
+    """Yarns of random diameters: what the law says it neglects is what it neglects."""
+    sizes = 0.167e-3 * np.random.default_rng(3).uniform(0.7, 1.3, (2, 12))
+    warp, weft = (Threads(diameter=each.tolist(), spacing=0.4e-3) for each in sizes)
+    cloth = Cloth(drawdown=np.tile(build_pattern("plain"), (6, 6)), warp=warp, weft=weft)
+    crossings = Interchange(cloth, COTTON)
+    assert crossings.kind_count == 144
+    errors = []
+    for most in (1, 12):
+        few = crossings.with_fewer_kinds(most)
+        places = 1.0 + 0.05 * np.random.default_rng(0).uniform(0.0, 1.0, (2, 200))
+        exact, found = crossings.resultants(places).force, few.resultants(places).force
+        worst = (abs(found - exact) / abs(exact).max(axis=0)).max()
+        errors.append(few.kinds_error)
+        assert 0.2 < few.kinds_error / worst < 5.0
+    assert errors[1] < 0.3 * errors[0]
+    assert cloth_law(cloth, COTTON).kinds_error == pytest.approx(errors[1])
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,7 @@ from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
+from spacemap_vtk.textile.crimp.cloth_law import YarnLaw
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.figures import fabric_figures
@@ -778,6 +779,9 @@ class ModalSolver(LawParameters, CageFittings, Stage):
                 self.warn(note)
             return
         self.check_limit("no_slip")
+        plate = None if self._model is None else self._model.plate
+        if plate is not None and isinstance(plate.law, YarnLaw):
+            self.check_limit("kinds", plate.law.kinds_error)
         figures = fabric_figures(cloth)
         crimp = min(figures[family]["mean_crimp"] for family in FAMILIES)
         if crimp > 0.0:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from spacemap_vtk.applicability import LIMITS
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.cage_material import WOVEN
 from spacemap_vtk.filters.modal_solver import ModalSolver
@@ -97,6 +98,8 @@ def _from_yarns(scene: Scene, yarns: YarnParameters) -> Fabric:
         mechanics, figures = yarns.yarns(cloth), fabric_figures(cloth)
         law = cloth_law(cloth, mechanics)
         plate = replace(cloth_stiffness(cloth, mechanics), law=law)
+        if law.kinds_error > (limit := LIMITS["kinds"]).most:
+            scene.warn(limit.warning(law.kinds_error))
     mass = figures["areal_mass"]
     return Fabric(plate, figures["thickness"], mass, "its yarns", cloth, mechanics, yarns.friction)
 

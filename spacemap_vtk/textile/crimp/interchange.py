@@ -58,6 +58,10 @@ from spacemap_vtk.textile.weave.peirce import solve_gaps, taut_heights
 CLOSEST = pi / (2.0 * sqrt(3.0))
 #: A yarn is slack if its axis is shorter than its length by more than this share.
 _SLACK = 1e-9
+#: Stretches less 1 along warp and weft at which kinds of crossings are compared, as shares of the
+#: stretch that straightens a yarn, which counts as at least the second number.
+_SAMPLED = ((0.5, 0), (0, 0.5), (0.5, 0.5), (1, -0.5), (-0.5, 1), (1, 1), (0.2, 0.2))
+_LEAST_OPENING = 1e-3
 #: Number of crossings that are solved in one block, which takes some ten megabytes.
 _BLOCK = 50_000
 
@@ -158,6 +162,9 @@ class Interchange:
     (True, 0.4714)
     """
 
+    #: Largest difference of the forces from those of all kinds of crossings, as a share of them.
+    kinds_error = 0.0
+
     def __init__(self, cloth: Cloth, yarns: YarnMechanics | None = None) -> None:
         cloth.check()
         if cloth.layers is not None:
@@ -250,7 +257,22 @@ class Interchange:
             One entry for each stretch.
         """
         stretches = np.asarray(stretch, np.float64)
-        first, back = self._kinds
+        force, over, closeness, reached = self._kind_forces(stretches)
+        back = self._kinds[1]
+        weights = np.bincount(back, minlength=force.shape[1]) / self.cell.sum()
+        return Resultants(
+            np.einsum("fkn,k->fn", force, weights),
+            np.maximum(over, 0.0).max(axis=1),
+            np.maximum(-over, 0.0).min(axis=1),
+            closeness.min(axis=0),
+            reached.max(axis=1),
+        )
+
+    def _kind_forces(self, stretches: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Compute the response of each of K kinds to n stretches."""
+        # Forces [J], and the excess of yarns over their rooms, (2, K, n); D over D at rest, (K, n);
+        # and the stretches that are reached, (2, K, n).
+        first, _ = self._kinds
         shape = 2, len(first), stretches.shape[1]
         cells = select_crossings(self._crossings, np.repeat(first, stretches.shape[1]))
         reached, h, d = self._solve_heights(cells, np.tile(stretches, len(first)))
@@ -265,13 +287,11 @@ class Interchange:
             energy, heights = cells.energy(self._hinged, self._law), np.stack([h, d - h])
             force = yarn_forces(energy, room, length, heights, d, along)
             force += np.where(cells.is_straight, cells.tension * strain * cells.spacing**2, 0.0)
-        weights = np.bincount(back, minlength=len(first)) / self.cell.sum()
-        return Resultants(
-            np.einsum("fkn,k->fn", force.reshape(shape), weights),
-            strain.reshape(shape).max(axis=1),
-            np.maximum(-over, 0.0).reshape(shape).min(axis=1),
-            (d / cells.rest_distance).reshape(shape[1:]).min(axis=0),
-            reached.reshape(shape).max(axis=1),
+        return (
+            force.reshape(shape),
+            over.reshape(shape),
+            (d / cells.rest_distance).reshape(shape[1:]),
+            reached.reshape(shape),
         )
 
     def energy(self, stretch: ArrayLike) -> Floats:
@@ -346,7 +366,7 @@ class Interchange:
         return digest_of(*cells, np.bincount(back), self.cell.sum(), *flags, self._law.numbers)
 
     def with_fewer_kinds(self, most: int) -> Interchange:
-        """Let crossings that are alike count as equal.
+        """Let crossings count as equal whose forces are alike.
 
         Parameters
         ----------
@@ -356,18 +376,47 @@ class Interchange:
         Returns
         -------
         Interchange
-            This one if it has no more kinds than that.
+            This one if it has no more kinds than that. `kinds_error` says how much its forces
+            differ from those of all kinds.
         """
         first, back = self._kinds
         if len(first) <= most:
             return self
-        counts = np.bincount(back)
-        place = (np.cumsum(counts) - 0.5 * counts) / counts.sum() * most
-        _, start, group = np.unique(place.astype(np.int64), return_index=True, return_inverse=True)
-        middle = (start + np.append(start[1:], len(first))) // 2
+        open_up = max(min(self.straight_stretch) - 1.0, _LEAST_OPENING)
+        stretches = 1.0 + open_up * np.array(_SAMPLED).T
+        forces = self._kind_forces(stretches)[0]
+        sizes = abs(forces).max(axis=(1, 2), keepdims=True)
+        features = (forces / np.maximum(sizes, 1e-300)).swapaxes(0, 1).reshape(len(first), -1)
+        counts = np.bincount(back).astype(np.float64)
+        chosen, group = [], np.zeros(len(first), dtype=np.int64)
+        for number, members in enumerate(_split_by_spread(features, counts, most)):
+            mean = np.average(features[members], axis=0, weights=counts[members])
+            away = ((features[members] - mean) ** 2).sum(axis=1)
+            chosen.append(first[members[away.argmin()]])
+            group[members] = number
         result = copy(self)
         result.__dict__.pop("digest", None)
-        result.__dict__["_kinds"] = first[middle], group.ravel()[back]
+        result.__dict__["_kinds"] = np.array(chosen), group[back]
+        exact, found = self.resultants(stretches).force, result.resultants(stretches).force
+        result.kinds_error = float((abs(found - exact) / abs(exact).max(axis=0)).max())
+        return result
+
+    def with_kinds_of(self, other: Interchange) -> Interchange:
+        """Distinguish the same kinds of crossings as for other yarns of the same cloth.
+
+        Parameters
+        ----------
+        other : Interchange
+            Crossings of the same cloth.
+
+        Returns
+        -------
+        Interchange
+            These crossings, represented by those that represent the others.
+        """
+        result = copy(self)
+        result.__dict__.pop("digest", None)
+        result.__dict__["_kinds"] = other._kinds
         return result
 
     @property
@@ -542,3 +591,23 @@ def _check_tension(yarns: YarnMechanics, shape: tuple[int, ...]) -> Floats:
             cure="Give stiff yarns a large finite EA",
         )
     return np.broadcast_to(tension, (2, *shape))
+
+
+def _split_by_spread(features: Floats, weights: Floats, most: int) -> list[Ints]:
+    """Split rows into groups of small spread: the widest, across its longest axis, time by time."""
+
+    def spread(rows: Ints) -> tuple[float, Floats]:
+        mean = np.average(features[rows], axis=0, weights=weights[rows])
+        off = np.sqrt(weights[rows])[:, None] * (features[rows] - mean)
+        return float((off**2).sum()), off
+
+    groups = [np.arange(len(features))]
+    while len(groups) < most:
+        spreads = [spread(rows) for rows in groups]
+        widest = int(np.argmax([size for size, _ in spreads]))
+        rows, off = groups[widest], spreads[widest][1]
+        side = off @ np.linalg.svd(off, full_matrices=False)[2][0] > 0.0
+        if side.all() or not side.any():
+            break  # all rows of each group are equal
+        groups[widest : widest + 1] = [rows[side], rows[~side]]
+    return groups
