@@ -1,8 +1,8 @@
 """Draw the pictures of the README and of the guides: python docs/pictures.py
 
 All of them take some twenty minutes on two cores. Names draw only these pictures: python
-docs/pictures.py figure styles. The picture "close" needs the extra [raytrace], "paraview" needs
-ParaView and xvfb-run.
+docs/pictures.py figure styles. The name "textiles" draws those of the page of textiles. The picture
+"close" needs the extra [raytrace], "paraview" needs ParaView and xvfb-run.
 """
 
 from __future__ import annotations
@@ -34,6 +34,42 @@ FINE_CLOTH = {
     "weave.warp_color": json.dumps(["#274b78"] * 13 + ["#f1ead9"] * 13),
     "weave.weft_color": json.dumps(["#274b78"] * 16 + ["#f1ead9"] * 16),
     "modal.modes": "1",  # the cloth lies at rest: modes are not used
+}
+
+#: A view in which the textile goes on beyond the picture.
+NEAR = {"view.zoom": "2.8"}
+ALONG = {"view.zoom": "2.2"}
+#: Pictures of the page of textiles: scene, and settings.
+TEXTILES: dict[str, tuple[str, dict[str, str]]] = {
+    "plain_weave": (
+        "basket_2",
+        {
+            "weave.pattern": "plain",
+            "weave.ends": "24",
+            "weave.picks": "24",
+            "weave.warp_color": "#e9e0cb",
+            "weave.weft_color": "#6f8fae",
+            **NEAR,
+        },
+    ),
+    "twill": ("handweaving", {"view.camera": "three-quarter", "view.zoom": "4"}),
+    "stockinette": ("stockinette", {"textile.wales": "24", "textile.courses": "30", **NEAR}),
+    "rib": ("rib_2x2", {"textile.wales": "60", "textile.courses": "36", **NEAR}),
+    "seed": ("seed_stitch", {"textile.wales": "24", "textile.courses": "30", **NEAR}),
+    "tricot": ("tricot", {"textile.wales": "18", "textile.courses": "26", **NEAR}),
+    "plait": ("three_strand_plait", ALONG),
+    "tubular_braid": ("tubular_braid", {"textile.repeats_along": "16", **ALONG}),
+    "orthogonal_weave": ("orthogonal_weave", {"view.zoom": "1.2"}),
+    "leno": (
+        "leno",
+        {"textile.repeats_across": "14", "textile.repeats_along": "10", **NEAR},
+    ),
+    "wire_mesh": (
+        "wire_mesh",
+        {"textile.repeats_across": "8", "textile.repeats_along": "8", **NEAR},
+    ),
+    "braid_on_rod": ("braid_on_rod", {}),
+    "sleeve": ("sleeve", {"view.zoom": "1.15"}),
 }
 
 
@@ -86,6 +122,17 @@ def draw_sweep(file: Path) -> None:
     draw_sheet(file, "yarn_to_cloth", "640x400", 2.0 / 3.0, **values)
 
 
+def draw_textile(file: Path) -> None:
+    """Draw a textile at twice the size, and scale it."""
+    scene, settings = TEXTILES[file.stem]
+    with tempfile.TemporaryDirectory() as folder:
+        large = Path(folder) / "large.png"
+        run("render", scene, "-o", str(large), "--size", "1200x900", **settings)
+        with Image.open(large) as picture:
+            small = picture.convert("RGB").resize((600, 450), Image.Resampling.LANCZOS)
+    small.save(file, quality=84, optimize=True)
+
+
 def draw_close(file: Path) -> None:
     """Trace each fibre of a plain weave."""
     words = ("--raytrace", "--samples", "196", "--size", "520x390")
@@ -124,13 +171,14 @@ PICTURES: dict[str, Callable[[Path], None]] = {
         [sys.executable, str(ROOT / "pipelines" / "keep_length.py"), str(file)], check=True
     ),
     "paraview.png": draw_paraview,
+    **{f"textiles/{name}.jpg": draw_textile for name in TEXTILES},
 }
 
 
 def main(names: list[str]) -> None:
     """Draw all pictures, or those that are named."""
     for name, draw in PICTURES.items():
-        if not names or Path(name).stem in names:
+        if not names or {Path(name).stem, Path(name).parent.name} & {*names}:
             draw(HERE / name)
 
 
