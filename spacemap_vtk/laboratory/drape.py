@@ -56,10 +56,10 @@ from spacemap_vtk.units import GRAVITY
 
 #: Radii of the cloth and of the disc [m].
 CLOTH, DISC = 0.15, 0.09
-#: Cells round the ring and outwards, and those of cloth whose bending length is less than three of
+#: Cells round the ring and outwards, and those of cloth whose bending length is less than two of
 #: these cells.
 CELLS, FINE_CELLS = (128, 16), (256, 32)
-_PER_LENGTH = 3.0
+_PER_LENGTH = 2.0
 #: Numbers of waves with which cloth starts; 0 is flat.
 _WAVES = (0, 4, 5, 6, 7, 8, 9)
 #: Slope of a start with waves, its amplitude, and the distance from the discs where it is complete.

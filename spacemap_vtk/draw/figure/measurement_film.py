@@ -37,6 +37,8 @@ _STEPS = 100
 _SHARE = 0.42
 #: Width of the plot [in]; its height follows from the frame.
 _INCHES = 4.9
+#: Upper end of the plot over the largest value of a line.
+_ROOM = 1.04
 #: Pixels along a side of the picture of a specimen, and rows below it for fixtures.
 _PIXELS, _PLAIN = 2048, 32
 #: Colour of fixtures.
@@ -168,7 +170,11 @@ class CurvePanel:
     """The plot of a test, drawn once, with a point that moves on it."""
 
     def __init__(
-        self, test: LaboratoryTest, measurement: Measurement, size: tuple[int, int]
+        self,
+        test: LaboratoryTest,
+        measurement: Measurement,
+        size: tuple[int, int],
+        lines: Floats | None = None,
     ) -> None:
         width, height = size
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -178,6 +184,8 @@ class CurvePanel:
         panel = figure.subplots()
         figure.suptitle(f"{test.title}\n{test.instrument}", fontsize=11)
         draw_curves(panel, measurement, with_si=False)
+        if lines is not None:
+            panel.set_ylim(top=_ROOM * float(lines[..., 1].max()) / measurement.y_axis.unit.size)
         (self._dot,) = panel.plot([], [], "o", color="#26323e", markersize=8, animated=True)
         self._caption = panel.text(
             0.04, 0.96, "", transform=panel.transAxes, va="top", fontsize=10, animated=True
@@ -237,7 +245,7 @@ def film_frames(
     plot_width = round(_SHARE * width)
     times = np.arange(0.0, DURATION, 1.0 / RATE)
     steps = np.linspace(0.0, DURATION, len(states.displacements))
-    panel = CurvePanel(test, measurement, (plot_width, height))
+    panel = CurvePanel(test, measurement, (plot_width, height), states.lines)
 
     def draw_plot(time: float) -> Image:
         if states.lines is None:
