@@ -39,6 +39,12 @@ def test_a_plait_keeps_its_crossings():
     assert rest.overlap < 0.005
 
 
+def test_each_line_has_a_family():
+    for braid in (Braid(form="flat", carriers=3), Braid(carriers=8)):
+        counts = np.bincount(braid.line_families)
+        assert counts.sum() == len(braid.line_colors) == len(braid.line_diameters)
+
+
 def test_yarns_of_a_tube_are_helices_of_the_braid_angle():
     tube = Braid(carriers=8, mandrel=2e-3, diameter=5e-4, braid_angle=40.0)
     rest = tube.rest()

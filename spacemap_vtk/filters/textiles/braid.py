@@ -127,7 +127,8 @@ class Braid(TextileKind):
     @property
     def line_families(self) -> Ints:
         """0 for the carriers, 1 for the mandrel."""
-        return np.append(super().line_families, [1] * self._has_mandrel)
+        mandrel = np.ones(int(self._has_mandrel), dtype=np.int64)
+        return np.concatenate([super().line_families, mandrel])
 
     @property
     def line_diameters(self) -> Floats:
