@@ -53,6 +53,20 @@ def test_gradient_and_tangent_are_the_derivatives_of_the_energy():
             assert here.tangent() @ move.ravel() == pytest.approx(turn, abs=1e-8 * abs(turn).max())
 
 
+@pytest.mark.parametrize("slide", [0.0, 0.013, 0.3])
+def test_crossed_yarns_have_the_energy_of_their_overlap_wherever_they_cross(slide):
+    # With r² = h² + x² + y² and h = 1 - δ: ½ k ∬ (1 - r)² dx dy = π k (δ³/3 - δ⁴/4).
+    overlap, line = 5e-3, 0.6 * np.arange(8.0)
+    along = np.stack([line - 2.1 + slide, 0 * line, 0 * line], axis=1)
+    across = np.stack([0 * line, line - 2.1, 0 * line + 1.0 - overlap], axis=1)
+    mechanics = RodMechanics(np.ones(2), np.ones(2), CONTACT, np.full(2, 0.6))
+    energy = RodEnergy(sample_yarns([Yarn(along, None), Yarn(across, None)]), mechanics)
+    z = unknowns([Yarn(along), Yarn(across)], NO_CELL)
+    found = energy.evaluate(z, energy.pairs_within(z, 1.0)).parts[2]
+    exact = np.pi * CONTACT * (overlap**3 / 3 - overlap**4 / 4)
+    assert found == pytest.approx(exact, rel=0.03)
+
+
 def test_a_bent_yarn_becomes_a_ring():
     angle = 2 * np.pi * np.arange(24) / 24
     oval = np.stack([1.3 * np.cos(angle), 0.9 * np.sin(angle), 0 * angle], axis=1)

@@ -44,7 +44,7 @@ class RodMechanics(NamedTuple):
     """Radius of a rigid cylinder about the y axis, which yarns do not enter [m]; 0 for none."""
 
 
-class Pairs(NamedTuple):
+class ImagePairs(NamedTuple):
     """Pairs of samples that may touch."""
 
     images: Samples
@@ -58,9 +58,9 @@ class Pairs(NamedTuple):
     area: Floats
     """(C,) Product of the lengths at rest that both stand for [m²]."""
 
-    def select(self, which: Bools | Ints) -> Pairs:
+    def select(self, which: Bools | Ints) -> ImagePairs:
         """Return some of the pairs."""
-        return Pairs(
+        return ImagePairs(
             self.images,
             self.first[which],
             self.second[which],
@@ -92,7 +92,7 @@ class RodEnergy:
         soft = own._replace(tension=share * own.tension, contact=share * own.contact)
         return RodEnergy(self.samples, soft, SPACING * share**-0.25)
 
-    def pairs_within(self, z: Floats, reach: float) -> Pairs:
+    def pairs_within(self, z: Floats, reach: float) -> ImagePairs:
         """Find the pairs of samples nearer than `reach` [m]."""
         surface, count = self.surface, len(self.surface.basis[0])
         found = find_pairs(surface, z, self.mechanics.length, reach)
@@ -109,7 +109,7 @@ class RodEnergy:
             wraps=np.concatenate([surface.wraps, surface.wraps[own] + shift[:, None]]),
         )
         ds = surface.weight * self.mechanics.length[surface.yarn]
-        return Pairs(
+        return ImagePairs(
             whole,
             found.first,
             image * count + part,
@@ -117,7 +117,7 @@ class RodEnergy:
             ds[found.first] * ds[found.second],
         )
 
-    def evaluate(self, z: Floats, pairs: Pairs, thickness: float = 1.0) -> State:
+    def evaluate(self, z: Floats, pairs: ImagePairs, thickness: float = 1.0) -> State:
         """Compute the energy and its derivatives."""
         # `pairs` are at least all pairs of samples nearer than a diameter; `thickness` is the
         # share of their diameters that yarns have.
@@ -133,7 +133,7 @@ class RodEnergy:
 class State:
     """Energy of yarns in one place, its gradient, and its second derivatives when asked for."""
 
-    def __init__(self, energy: RodEnergy, z: Floats, pairs: Pairs, thickness: float) -> None:
+    def __init__(self, energy: RodEnergy, z: Floats, pairs: ImagePairs, thickness: float) -> None:
         samples, images = energy.samples, pairs.images
         corners, places = samples.corners(z), images.places(z)
         self._beam = _Beam(energy, samples.combine(corners, 1), samples.combine(corners, 2))
@@ -241,7 +241,9 @@ class _Beam:
 class _Contact:
     """Pairs of samples that overlap."""
 
-    def __init__(self, stiffness: float, places: Floats, pairs: Pairs, thickness: float) -> None:
+    def __init__(
+        self, stiffness: float, places: Floats, pairs: ImagePairs, thickness: float
+    ) -> None:
         vectors = places[pairs.first] - places[pairs.second]
         reach = thickness * pairs.diameter
         square = np.einsum("ci,ci->c", vectors, vectors)

@@ -18,7 +18,7 @@ import numpy as np
 
 from spacemap_vtk.errors import GeometryError, SolverError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Progress
-from spacemap_vtk.textile.rods.energy import Pairs, RodEnergy, RodMechanics, State
+from spacemap_vtk.textile.rods.energy import ImagePairs, RodEnergy, RodMechanics, State
 from spacemap_vtk.textile.rods.overlap import largest_overlap
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
@@ -255,7 +255,7 @@ class _Near:
         self.pairs = self._energy.pairs_within(z, self._reach + self._margin)
         self._start = self._last = z
 
-    def at(self, z: Floats) -> Pairs:
+    def at(self, z: Floats) -> ImagePairs:
         """Return the pairs in another place, found again if samples may have approached."""
         step, self._last = self._approach(z - self._last), z
         if self._approach(z - self._start) > self._margin:
