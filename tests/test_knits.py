@@ -12,6 +12,7 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator
 from spacemap_vtk.filters.textile_source import TextileSource
+from spacemap_vtk.filters.textiles.knit import Knit
 from spacemap_vtk.textile.rods.stitches import parse_chart, parse_rows, plan_passes
 
 
@@ -98,6 +99,33 @@ def test_a_piece_has_its_stitches_and_stripes():
     assert set(yarn) == {0, 1, 2, 3}
     assert {tuple(c) for c in color[yarn % 2 == 0]} == {red}
     assert {tuple(c) for c in color[yarn % 2 == 1]} == {white}
+
+
+@pytest.mark.nightly
+def test_bound_ends_leave_no_loop_open_and_no_yarn_inside_another():
+    knit = TextileSource(wales=4, courses=6, ends="bound", rows="rib 1x1")
+    output = knit.update().output
+    # the cast-on, the courses, and the chain
+    assert set(vtk_to_numpy(output.GetCellData().GetArray("yarn"))) == set(range(8))
+    assert len(knit.yarn_diameters) == 8
+    assert {f.key: f.value for f in knit.figures}["largest_overlap"] <= 0.005
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"rows": ["kk", "kt"]},
+        {"chart": ["AB"]},
+        {"courses": 3},
+        {"rows": ["kk", "c2f"]},
+        {"edges": "turned"},
+    ],
+)
+def test_ends_that_cannot_be_bound_are_refused_with_the_cure(values):
+    colors = ["#ff0000", "#00ff00"]
+    with pytest.raises(InputError, match="cast on and bound off") as refused:
+        Knit(color=colors, ends="bound", **values).both_ends()
+    assert "cut" in refused.value.cure
 
 
 @pytest.mark.nightly

@@ -256,6 +256,23 @@ def check_knit(course: float, wale: float) -> Callable[[Scene], None]:
     return check
 
 
+def check_yarn(
+    stitches: float, places: int, wale: tuple[float, float] = (0.0, 9.0)
+) -> Callable[[Scene], None]:
+    """Return a check of the yarn in a repeat, in stitches, by its mass; of the crossings, too."""
+
+    def check(scene: Scene) -> None:
+        found = {figure.key: figure.value for figure in scene.textile.figures}
+        area = found["course_spacing"] * found["wale_spacing"] * places
+        length = found["areal_mass"] * area / scene.textile.linear_densities[0]
+        assert length / found["loop_length"] == pytest.approx(stitches, rel=1e-6)
+        assert wale[0] < STOCKINETTE[1] / found["kw"] < wale[1]
+        # Relaxing refuses yarns whose crossings are not those of the pattern.
+        assert found["largest_overlap"] <= 0.005
+
+    return check
+
+
 def check_figures(**expected: float) -> Callable[[Scene], None]:
     """Return a check of figures of a textile, each within 3 per cent."""
 
@@ -346,6 +363,12 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "rib_2x2": check_knit(1.08, 0.40),
     "garter": check_knit(0.71, 1.04),
     "seed_stitch": check_knit(0.77, 0.91),
+    # Half cardigan: half as high and wider than the rib. One of four stitches is a tuck.
+    "tuck": check_yarn(3 + 23 / 32, 4, wale=(0.6, 0.9)),
+    # Four of 36 loops pass two needles, each with a quarter of a stitch more.
+    "cable": check_yarn(36 + 4 * 2 / 4, 36),
+    # Six of twelve stitches of each row miss.
+    "fair_isle": check_yarn(6 + 6 / 4, 6),
     "tricot": check_tricot,
     # 32 stitches of a 3.98th of 19.2 mm each.
     "sleeve": check_figures(tube_diameter=32 * 19.2e-3 / 3.98 / math.pi),
@@ -401,6 +424,7 @@ LONG = {
     "animal_in_carved_cage",
     "arm",
     "braid_on_rod",
+    "cable",
     "capstan",
     "catenary",
     "curl",
@@ -409,6 +433,7 @@ LONG = {
     "double_weave",
     "drape",
     "drop",
+    "fair_isle",
     "fold",
     "garter",
     "handweaving",
@@ -427,6 +452,7 @@ LONG = {
     "three_strand_plait",
     "tricot",
     "tubular_braid",
+    "tuck",
     "yarn_tension",
     "yarn_to_cloth",
 }
@@ -434,6 +460,8 @@ LONG = {
 
 #: Of these, scenes without a cage, or whose cage takes long to make.
 NO_CAGE = {
+    "cable",
+    "fair_isle",
     "garter",
     "handweaving",
     "leno",
@@ -446,6 +474,7 @@ NO_CAGE = {
     "three_strand_plait",
     "tricot",
     "tubular_braid",
+    "tuck",
 }
 
 

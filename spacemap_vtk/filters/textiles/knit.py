@@ -13,6 +13,7 @@ from spacemap_vtk.filters.textiles.kind import CONTACT, Rest, TextileKind, keep_
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Integer, Parameter, Real
+from spacemap_vtk.textile.rods.ends import FREE, Ends, relax_ends
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.knit import (
     Selvedges,
@@ -44,6 +45,8 @@ LEAST_ROUND = 8
 _tubes: dict[str, Rolled] = {}
 #: The selvedges that were relaxed last, by digest.
 _selvedges: dict[str, Selvedges] = {}
+#: The ends that were relaxed last, by digest.
+_ends: dict[str, Ends] = {}
 
 
 class Stitches(Parameter[Any]):
@@ -131,6 +134,14 @@ class Knit(TextileKind):
         ["cut", "turned", "joined"],
     )
 
+    ends = Choice(
+        "cut",
+        "Lower and upper end of the piece. cut: loops are open, and the knit ravels; bound: closed "
+        "loops are cast on, and a chain binds the last loops off. Bound ends take some seconds to "
+        "relax, and need cut sides and 4 courses of knit and purl stitches, of one colour each.",
+        ["cut", "bound"],
+    )
+
     set_share = Real(
         0.0,
         "Share of the bending of the loops that is set, as by washing or steaming. Edges curl by "
@@ -196,7 +207,7 @@ class Knit(TextileKind):
     def _key(self, what: str) -> str:
         """Return the digest of all on which yarns at rest depend."""
         given = (self._stitch_diameters, *(each or 0.0 for each in self._spacings))
-        return digest_of(what, *map(str, self._passes), *given)
+        return digest_of(what, *map(str, self._passes), *given, CONTACT)
 
     @property
     def _spacings(self) -> tuple[float | None, float | None]:
@@ -279,14 +290,65 @@ class Knit(TextileKind):
             )
         return _tubes[key]
 
+    def both_ends(self, progress: Progress | None = None) -> Ends | None:
+        """Return the relaxed cast-on and chain, in diameters; None if the loops are open."""
+        if self.ends == "cut":
+            return None
+        passes = self._passes
+        if self.edges != "cut":
+            raise InputError(
+                f"a piece whose sides are {self.edges} is not cast on and bound off",
+                key="ends",
+                value=self.ends,
+                cure='Set ends = "cut", or edges = "cut".',
+            )
+        is_plain = all(set(each.letters) <= set("kp") and not each.cables for each in passes)
+        if not is_plain or len(passes) > passes[-1].row + 1 or self.courses < 2 * FREE:
+            raise InputError(
+                f"only {2 * FREE} or more courses of knit and purl stitches, of one colour each, "
+                "are cast on and bound off",
+                key="ends",
+                value=self.ends,
+                cure='Set ends = "cut".',
+            )
+        (yarns, cell, _), length = self.rest(progress), self._stitch_diameters
+        key = self._key(f"ends, {self.courses} courses")
+        if key not in _ends:
+            count = len(passes[0].letters)
+            shapes = {"cast_on": (-1, 3), "bind_off": (-1, 3), "overlap": (1,)}
+            each = (FREE, POINTS * count, 3)
+            found = cache.load(key, **shapes, lower=each, upper=each)
+            if found is None:
+                made = relax_ends(yarns, cell, length, self.courses, progress)
+                found = {
+                    "cast_on": made.cast_on.points,
+                    "bind_off": made.bind_off.points,
+                    "lower": np.stack(made.lower),
+                    "upper": np.stack(made.upper),
+                    "overlap": np.array([made.overlap]),
+                }
+                cache.store(key, **found)
+            _ends.clear()
+            _ends[key] = Ends(
+                Yarn(found["cast_on"], (1, 0)),
+                Yarn(found["bind_off"], (1, 0)),
+                list(found["lower"]),
+                list(found["upper"]),
+                float(found["overlap"][0]),
+            )
+        return _ends[key]
+
     def _lines(self) -> tuple[AnyInts, Bools]:
         """Return the colour of each pass, and whether its yarn is that of the pass below."""
         passes = self._passes
         laid = courses_and_passes(passes, self.courses)
         which = [course if self.chart is None else passes[n].color for course, n in laid]
         colors = self.palette[np.array(which) % len(self.palette)]
-        alike = (colors[1:] == colors[:-1]).all(axis=1)
-        return colors, alike & self._turns
+        joined = (colors[1:] == colors[:-1]).all(axis=1) & self._turns
+        if self.ends == "bound":
+            colors = np.concatenate([colors[:1], colors, colors[-1:]])
+            joined = np.concatenate([[False], joined, [False]])
+        return colors, joined
 
     @property
     def line_families(self) -> Ints:
@@ -317,15 +379,22 @@ class Knit(TextileKind):
     def lines(self, progress: Progress | None = None) -> list[Floats]:
         """Repeat the relaxed loops, between selvedges or cut."""
         rest, joined = self.rest(progress), self._lines()[1].tolist()
+        sides, ends = self.sides(progress), self.both_ends(progress)
         if (tube := self.tube()) is not None:
             passes, rows = self._passes, self._passes[-1].row + 1
             laid = courses_and_passes(passes, self.courses)
             repeats = self.wales // len(passes[0].letters)
             rings = repeat_round(tube, [(course // rows, n) for course, n in laid], repeats)
             return [ring * self.scale for ring in rings]
-        sides = self.sides(progress)
         lines = repeat_knit(
-            rest.yarns, rest.cell, self._passes, self.wales, self.courses, sides, joined
+            rest.yarns,
+            rest.cell,
+            self._passes,
+            self.wales,
+            self.courses,
+            sides,
+            joined,
+            ends,
         )
         return [line * self.scale for line in lines]
 
@@ -354,6 +423,6 @@ class Knit(TextileKind):
         return points * (self._stitch_diameters / POINTS)
 
     def largest_overlap(self, rest: Rest) -> float:
-        """Return the largest overlap of the repeat and its selvedges, in diameters."""
-        others = self.sides() or self.tube()
-        return rest.overlap if others is None else max(rest.overlap, others.overlap)
+        """Return the largest overlap of the repeat, and of its edges and ends, in diameters."""
+        others = (self.sides(), self.tube(), self.both_ends())
+        return max([rest.overlap, *(each.overlap for each in others if each is not None)])

@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from spacemap_vtk.errors import GeometryError
-from spacemap_vtk.ndarrays import Floats, Progress
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.textile.rods.alexander import alexander_value, require_same_crossings
 from spacemap_vtk.textile.rods.crossings import ASKEW, find_crossings
+from spacemap_vtk.textile.rods.ends import FREE, Ends
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.loops import POINTS, column_starts, draw_loops
 from spacemap_vtk.textile.rods.relax import STAGES, Relaxed, Stage, relax_yarns
@@ -27,7 +28,7 @@ _CUT = 2
 #: Depth of a turn that is drawn over half of the course spacing.
 _DEPTH = 1.2
 #: Stages of knits with floats or held loops, which slide far and come to rest slowly.
-_STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-4), Stage(1.0, 0.2, 1e-4), Stage(1.0, 1.0, 1e-6))
+_STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-4), Stage(1.0, 0.2, 1e-4), Stage(1.0, 1.0, 1e-5))
 #: Stages in which selvedges relax; fewer digits than those of stitches are seen.
 _SIDE_STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
 #: Stitches of the strip on which selvedges are relaxed.
@@ -188,7 +189,7 @@ def relax_selvedges(
     """
     rows, strip = int(np.lcm(2, len(yarns))), strip_wales(len(passes[0].letters), wales)
     courses = [
-        _course(yarns[row % len(yarns)], cell, passes[row % len(yarns)], strip)
+        _course(yarns[row % len(yarns)], cell, column_starts(passes[row % len(yarns)]), strip)
         + row // len(yarns) * cell[1]
         for row in range(rows + 1)
     ]
@@ -236,6 +237,7 @@ def repeat_knit(
     courses: int,
     selvedges: Selvedges | None = None,
     joined: Sequence[bool] = (),
+    ends: Ends | None = None,
 ) -> list[Floats]:
     """Repeat the yarns of a cell over a piece of knit.
 
@@ -253,21 +255,23 @@ def repeat_knit(
         Sides at which the yarn turns; without them each pass is a yarn of its own.
     joined : sequence of bool, optional
         For each course but the last, whether its yarn turns and knits the next course.
+    ends : Ends, optional
+        Cast-on and chain of a piece of as many courses without selvedges; by default loops are
+        open there.
 
     Returns
     -------
     list of ndarray of float64, shape (n, 3)
-        Control points of each yarn, from the lowest course up.
+        Control points of each yarn, from the lowest one up.
     """
     lines: list[Floats] = []
+    height = passes[-1].row + 1
+    moved = _moves_of_ends(yarns, cell, wales, courses, ends)
     for course, number in courses_and_passes(passes, courses):
-        row = course % (passes[-1].row + 1)
-        line = (
-            _course(yarns[number], cell, passes[number], wales)
-            + (course - row) // (passes[-1].row + 1) * cell[1]
-        )
+        line = _course(yarns[number], cell, column_starts(passes[number]), wales)
+        line = line + course // height * cell[1]
         if selvedges is None:
-            lines.append(line)
+            lines.append(line + moved[course])
             continue
         turn, row = divmod(course, len(selvedges.left))
         up = turn * (len(selvedges.left) // len(yarns)) * cell[1]
@@ -281,7 +285,30 @@ def repeat_knit(
             end = selvedges.turns[row] + up + (across if row % 2 == 0 else 0.0)
             line = np.concatenate([line, end])
         lines.append(line)
-    return lines
+    if ends is None:
+        return lines
+    count = len(passes[0].letters)
+    cast_on, bind_off = (
+        _course(yarn, cell, np.arange(count + 1) * (len(yarn.points) // count), wales)
+        for yarn in (ends.cast_on, ends.bind_off)
+    )
+    return [cast_on, *lines, bind_off]
+
+
+def _moves_of_ends(
+    yarns: Sequence[Yarn], cell: Floats, wales: int, courses: int, ends: Ends | None
+) -> list[Floats]:
+    """Return by how much the ends move the control points of each course."""
+    moves = [np.zeros((1, 3))] * courses
+    if ends is None:
+        return moves
+    near = [*range(FREE), *range(courses - FREE, courses)]
+    for course, points in zip(near, [*ends.lower, *ends.upper], strict=True):
+        turn, row = divmod(course, len(yarns))
+        starts = np.arange(0, len(points) + 1, POINTS)
+        move = yarns[row]._replace(points=points - yarns[row].points - turn * cell[1])
+        moves[course] = _course(move, np.zeros((2, 3)), starts, wales)
+    return moves
 
 
 def courses_and_passes(passes: Sequence[Pass], courses: int) -> list[tuple[int, int]]:
@@ -314,9 +341,8 @@ def _side_points(each: Pass, wales: int) -> tuple[int, int]:
     return int(sizes[0]), int(sizes[(wales - 1) % len(sizes)])
 
 
-def _course(yarn: Yarn, cell: Floats, each: Pass, wales: int) -> Floats:
+def _course(yarn: Yarn, cell: Floats, starts: Ints, wales: int) -> Floats:
     """Return the control points of a course, between the middles of two sinker loops."""
-    starts = column_starts(each)
     turns, rest = divmod(wales, len(starts) - 1)
     count = turns * starts[-1] + starts[rest] + 3 - 2 * _CUT
     period, index = np.divmod(_CUT - 1 + np.arange(count), starts[-1])
