@@ -11,9 +11,9 @@ import numpy as np
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import FabricFigure
-from spacemap_vtk.filters.textiles.kind import Rest, TextileKind, yarn_lengths
+from spacemap_vtk.filters.textiles.kind import Rest, TextileKind
 from spacemap_vtk.filters.textiles.knit import Knit
-from spacemap_vtk.ndarrays import Ints
+from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parameters import Parameter, Real, Series
 from spacemap_vtk.textile.rods.guess import Guess
 from spacemap_vtk.textile.rods.warp_knit import Bar, are_open, draw_warp_knit, parse_laps
@@ -152,11 +152,16 @@ class WarpKnit(TextileKind):
         counts = [sum(bar.threads) * width // len(bar.threads) for bar in self.bars]
         return np.repeat(np.arange(len(counts)), counts)
 
+    def lengths(self, rest: Rest) -> Floats:
+        """Return the given length of each yarn of a repeat, without its stretch."""
+        counts = np.array([len(yarn.points) for yarn in rest.yarns])
+        return np.asarray(self.guess().mechanics.length * counts)
+
     def figures(self, rest: Rest) -> list[FabricFigure]:
         """Return spacings, yarn in a stitch, run-ins, and the number of open laps."""
         width, rows = self._repeat
         wale, course = rest.cell[0, 0] / width * self.size, rest.cell[1, 1] / rows * self.size
-        lengths, family = yarn_lengths(rest), self.families_of_cell(self.guess())
+        lengths, family = self.lengths(rest), self.families_of_cell(self.guess())
         found = [
             FabricFigure("course_spacing", "course spacing", float(course), "m"),
             FabricFigure("wale_spacing", "wale spacing", float(wale), "m"),
