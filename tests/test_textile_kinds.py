@@ -81,6 +81,20 @@ def test_an_orthogonal_weave_is_straight_and_its_layers_lie_on_each_other():
     assert rest.overlap < 0.005
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("structure", ["layer to layer", "through thickness", "double"])
+def test_interlocks_come_to_rest_without_overlap(structure):
+    weave = Layers(structure=structure)
+    guess, rest = weave.guess(), weave.rest()
+    assert linking_numbers(rest.yarns, rest.cell) == linking_numbers(guess.yarns, guess.cell)
+    assert rest.overlap < 0.005
+    # Layers of picks lie on each other: they hold together.
+    count = len(weave.plan.ends)
+    heights = [float(yarn.points[:, 2].mean()) for yarn in rest.yarns[count:]]
+    layers = np.reshape(heights, (weave.plan.columns, weave.plan.layers))
+    assert (np.diff(layers, axis=1) > 1.0 - 0.005).all()
+
+
 def test_plans_report_what_is_not_bound():
     for structure in ("orthogonal", "layer to layer", "through thickness"):
         plan = build_plan(structure, 4)

@@ -21,6 +21,7 @@ from spacemap_vtk.textile.rods.curves import (
     repeat_yarns,
 )
 from spacemap_vtk.textile.rods.overlap import find_largest_overlap
+from spacemap_vtk.textile.rods.relax import SEARCH
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 #: Length of 1 in a file that names no unit [m].
@@ -145,7 +146,7 @@ def _relaxed(
 ) -> tuple[list[Yarn], Floats, float]:
     """Relax yarns, or load them as they were relaxed before."""
     parts = [part for curve in given.curves for part in (curve.nodes, curve.periods, curve[2])]
-    key = digest_of("yarns of a file", given.cell, given.uniform, keep_cell, *parts)
+    key = digest_of("yarns of a file", SEARCH, given.cell, given.uniform, keep_cell, *parts)
     found = cache.load(key, points=(-1, 3), counts=(-1,), cell=(2, 3), deviation=(1,))
     if found is None:
         made, deviation = relax_curves(given, keep_cell, progress)

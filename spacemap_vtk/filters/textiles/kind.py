@@ -22,6 +22,7 @@ from spacemap_vtk.parameters import Choice, Color, Integer, Parameter, Parameter
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.guess import Guess, relax_guess
 from spacemap_vtk.textile.rods.pieces import count_lines, cover, repeat_yarns
+from spacemap_vtk.textile.rods.relax import SEARCH
 from spacemap_vtk.textile.rods.tubes import PARTS
 from spacemap_vtk.textile.rods.yarns import Yarn, measure_thickness, sample_yarns, unknowns
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, section_factor
@@ -152,6 +153,7 @@ class TextileKind(Parameterised):
         guess = self.guess()
         key = digest_of(
             self.name,
+            SEARCH,
             *(str(yarn.periods) for yarn in guess.yarns),
             *(yarn.diameter for yarn in guess.yarns),
             *(yarn.points for yarn in guess.yarns),

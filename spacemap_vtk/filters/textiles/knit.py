@@ -24,6 +24,7 @@ from spacemap_vtk.textile.rods.knit import (
     strip_wales,
 )
 from spacemap_vtk.textile.rods.loops import POINTS, column_starts
+from spacemap_vtk.textile.rods.relax import SEARCH
 from spacemap_vtk.textile.rods.rolled import Rolled, repeat_round, roll_yarns
 from spacemap_vtk.textile.rods.stitches import (
     CHART_GRAMMAR,
@@ -207,7 +208,7 @@ class Knit(TextileKind):
     def _key(self, what: str) -> str:
         """Return the digest of all on which yarns at rest depend."""
         given = (self._stitch_diameters, *(each or 0.0 for each in self._spacings))
-        return digest_of(what, *map(str, self._passes), *given, CONTACT)
+        return digest_of(what, SEARCH, *map(str, self._passes), *given, CONTACT)
 
     @property
     def _spacings(self) -> tuple[float | None, float | None]:

@@ -22,6 +22,10 @@ from spacemap_vtk.textile.rods.energy import ImagePairs, RodEnergy, RodMechanics
 from spacemap_vtk.textile.rods.overlap import largest_overlap
 from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
+#: Number of the search, a part of the digests of results that are kept on disk: it grows when the
+#: same yarns come to rest elsewhere than before.
+SEARCH = 2
+
 
 class Stage(NamedTuple):
     """A stage of the search."""
