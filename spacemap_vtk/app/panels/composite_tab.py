@@ -12,7 +12,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
     QHeaderView,
-    QLabel,
     QMenu,
     QProgressBar,
     QPushButton,
@@ -98,6 +97,7 @@ class CompositeTab(QWidget):
         self.fibre = self._choice("fibre", {key: one.title for key, one in FIBRES.items()})
         self.matrix = self._choice("matrix", {key: one.title for key, one in MATRICES.items()})
         self.packing = QDoubleSpinBox(minimum=0.05, maximum=0.9, singleStep=0.05, decimals=2)
+        self.packing.setPrefix("packing ")
         self.packing.setToolTip(UnitCell.parameter("packing").help)
         self.packing.editingFinished.connect(self._set_packing)
         self.run_button = QPushButton("Compute")
@@ -107,7 +107,7 @@ class CompositeTab(QWidget):
         for text, (ending, kind) in SAVED.items():
             menu.addAction(text, partial(self.export_requested.emit, ending, kind))
         self.save_button.setMenu(menu)
-        self.content = narrow(QComboBox(toolTip="What is shown"), 10)
+        self.content = narrow(QComboBox(toolTip="What is shown"), 8)
         for key, label in {**CONTENTS, _MODULI: "Modulus over the direction"}.items():
             self.content.addItem(label, key)
         self.load = narrow(QComboBox(toolTip="Mean strain"), 3)
@@ -138,12 +138,12 @@ class CompositeTab(QWidget):
         self._parts.addWidget(self.table)
         column(
             self,
-            row(None, QLabel("Fibre"), (self.fibre, 1), QLabel("Matrix"), (self.matrix, 1)),
-            row(None, QLabel("Packing"), self.packing, (self.run_button, 1), self.save_button),
+            row(None, (self.fibre, 1), (self.matrix, 1)),
+            row(None, self.packing, (self.run_button, 1), self.save_button),
             self.notes,
             self.progress_bar,
-            row(None, (self.content, 2), self.load, (self.plane, 1)),
-            self.slider,
+            row(None, (self.content, 1), self.load),
+            row(None, (self.plane, 1), (self.slider, 1)),
             (self._parts, 1),
             margins=(6, 6, 6, 6),
             spacing=6,
@@ -252,7 +252,7 @@ class CompositeTab(QWidget):
         from spacemap_vtk.draw.figure.unit_cell_plot import draw_slice
 
         if self.canvas is None:
-            self.canvas = FigureCanvasQTAgg(new_figure(dpi=100, layout="constrained"))
+            self.canvas = FigureCanvasQTAgg(new_figure(dpi=100))
             self.canvas.setMinimumHeight(200)
             self._parts.insertWidget(0, self.canvas)
             self._parts.setSizes([420, 220])
@@ -266,6 +266,7 @@ class CompositeTab(QWidget):
         self.load.setVisible(content == "stress")
         self.plane.setVisible(is_slice)
         self.slider.setVisible(is_slice)
+        figure.subplots_adjust(left=0.16, right=0.94, bottom=0.14, top=0.95 if is_slice else 0.84)
         if is_slice:
             where = self.plane.currentData(), self.slider.value(), content, self.load.currentText()
             draw_slice(figure.subplots(), self.result[1], *where, ink=ink)
