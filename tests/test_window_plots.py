@@ -226,10 +226,11 @@ def test_every_quantity_and_component_gives_another_plot(plots_of: Any, qtbot: A
     window = plots_of()
     pictures = []
     for box in (window.plots.quantity, window.plots.component):
-        for _ in range(box.count()):
+        count = sum(box.model().item(number).isEnabled() for number in range(box.count()))
+        for _ in range(count):
             pictures.append(window.plots.canvas.grab().toImage())
             box.setFocus()
-            down = box.currentIndex() < box.count() - 1
+            down = box.currentIndex() < count - 1
             qtbot.keyClick(box, Qt.Key.Key_Down if down else Qt.Key.Key_Up)
     distinct = sum(a != b for k, a in enumerate(pictures) for b in pictures[:k])
     assert distinct >= len(pictures) * (len(pictures) - 1) // 2 - 6
