@@ -112,7 +112,7 @@ class CompositeTab(QWidget):
             self.content.addItem(label, key)
         self.load = narrow(QComboBox(toolTip="Mean strain"), 3)
         self.load.addItems(COMPONENTS)
-        self.plane = narrow(QComboBox(toolTip="Plane of the slice"), 5)
+        self.plane = narrow(QComboBox(toolTip="Plane of the slice"), 8)
         for key, label in PLANES.items():
             self.plane.addItem(label, key)
         self.slider = QSlider(Qt.Orientation.Horizontal, toolTip="Position of the slice")
@@ -160,7 +160,7 @@ class CompositeTab(QWidget):
             self._draw()
 
     def _choice(self, name: str, titles: Mapping[str, str]) -> QComboBox:
-        box = narrow(QComboBox(toolTip=UnitCell.parameter(name).help), 5)
+        box = narrow(QComboBox(toolTip=UnitCell.parameter(name).help), 8)
         for key, title in titles.items():
             box.addItem(title, key)
         box.activated.connect(lambda _: self._document.set(_SECTION, name, box.currentData()))
