@@ -112,7 +112,7 @@ class CompositeTab(QWidget):
             self.content.addItem(label, key)
         self.load = narrow(QComboBox(toolTip="Mean strain"), 3)
         self.load.addItems(COMPONENTS)
-        self.plane = narrow(QComboBox(toolTip="Plane of the slice"), 8)
+        self.plane = narrow(QComboBox(toolTip="Plane of the slice"), 4)
         for key, label in PLANES.items():
             self.plane.addItem(label, key)
         self.slider = QSlider(Qt.Orientation.Horizontal, toolTip="Position of the slice")
@@ -139,11 +139,11 @@ class CompositeTab(QWidget):
         column(
             self,
             row(None, (self.fibre, 1), (self.matrix, 1)),
-            row(None, self.packing, (self.run_button, 1), self.save_button),
+            row(None, self.packing, (self.run_button, 1)),
             self.notes,
             self.progress_bar,
             row(None, (self.content, 1), self.load),
-            row(None, (self.plane, 1), (self.slider, 1)),
+            row(None, (self.plane, 1), (self.slider, 1), self.save_button),
             (self._parts, 1),
             margins=(6, 6, 6, 6),
             spacing=6,
