@@ -32,6 +32,7 @@ def names_by_kind() -> dict[str, list[str]]:
             "Moving cloth",
             "Hanging cloth",
             "Cloth on obstacles",
+            "Knits",
             "Other textiles",
             "Other objects",
         )
@@ -44,8 +45,11 @@ def names_by_kind() -> dict[str, list[str]]:
             kind = "Hanging cloth"
         if "obstacles" in scene.get("modal", {}):
             kind = "Cloth on obstacles"
-        if "weave" not in scene:
-            kind = "Other textiles" if "textile" in scene else "Other objects"
+        if "textile" in scene:
+            knit = "knit" in scene["textile"].get("kind", "knit")
+            kind = "Knits" if knit else "Other textiles"
+        elif "weave" not in scene:
+            kind = "Other objects"
         found[kind].append(name)
     return found
 
