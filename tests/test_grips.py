@@ -343,7 +343,10 @@ def test_work_of_a_grip_is_the_energy_that_the_body_gains(function: TimeFunction
     np.testing.assert_allclose(momenta[1] - momenta[0], impulse, atol=1e-6 * abs(impulse).max())
 
 
-@pytest.mark.parametrize("function", [table([0, 0.01], [0, 1]), harmonic(10.0)])
+@pytest.mark.parametrize(
+    "function",
+    [table([0, 0.01], [0, 1]), pytest.param(harmonic(10.0), marks=pytest.mark.nightly)],
+)
 def test_grip_moves_relative_to_a_moving_base(function: TimeFunction) -> None:
     """As if there were no base and two grips, of which one moves like it and one like both."""
     points, cells = sheet(0.1, 0.02, (4, 1))

@@ -103,7 +103,8 @@ def test_mixed_voxels_are_layers() -> None:
         np.testing.assert_allclose(one, exact, rtol=0, atol=1e-13 * exact.max())
 
 
-@pytest.mark.parametrize("points", [1, 8])
+# To compile the loop of eight points takes seconds; the default is one.
+@pytest.mark.parametrize("points", [1, pytest.param(8, marks=pytest.mark.nightly)])
 def test_compiled_loops_give_what_numpy_gives(points: int, monkeypatch: pytest.MonkeyPatch) -> None:
     inside = np.random.default_rng(2).random((5, 6, 7)) < 0.4
     box = voxels_of(inside, GLASS.stiffness, EPOXY.stiffness)
