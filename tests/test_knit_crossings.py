@@ -8,6 +8,7 @@ import pytest
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.alexander import alexander_value, require_same_crossings
 from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings
+from spacemap_vtk.textile.rods.knit import relax_knit
 from spacemap_vtk.textile.rods.loops import column_starts, draw_loops
 from spacemap_vtk.textile.rods.stitches import plan_passes
 
@@ -79,6 +80,23 @@ def test_a_stitch_crosses_each_loop_that_it_casts_off_four_times():
         (["k" * 3, "kmk"], 2 * 8 + 4 + 2),  # and a float two legs
         (["k" * 3, "ktk"], 2 * 8 + 8 + 2),  # and a tuck two legs of the loop before it
         (["k" * 3, "ktk", "ktk"], 3 * 8 + 12 + 3 * 2),
+        (["k" * 3, "ktk", "ktk", "ktk"], 4 * 8 + 16 + 6 * 2),
         (["k" * 6, "kc4fk"], 12 * 4 + 16),  # and four legs four others
     ]:
         assert len(draw_loops(plan_passes(rows), 16.0).crossings.signs) == crossings
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("rows", "chart"),
+    [
+        (["kkk", "kmk", "kmk", "kmk"], ()),
+        (["kkk", "ktk", "ktk", "ktk"], ()),
+        (["kt", "tk"], ()),
+        (["k"], ["ABCD", "BCDA"]),
+        (["kk", "c2b"], ()),
+    ],
+)
+def test_yarns_of_any_pattern_rest_beside_each_other(rows, chart):
+    # relaxing refuses yarns whose crossings are not those of the pattern
+    assert 0.0 < relax_knit(rows, 16.0, chart).overlap <= 0.005

@@ -39,7 +39,7 @@ WALE, COURSE = 1 / 4, 1 / 5
 _NECK, _HEIGHT = 0.18, 0.80
 #: By how much a loop is wider and higher than the next one of its stack, in the same spacings, and
 #: how much wider than the last one it is at most.
-_WIDER, _HIGHER, _WIDEST = 0.08, 0.1, 0.2
+_WIDER, _HIGHER, _WIDEST = 0.08, 0.1, 0.25
 #: How far the feet of each yarn of a row lie above those of the one before, in course spacings.
 _APART = 0.15
 #: Room above a course for each stitch of a cable, in course spacings.
@@ -175,7 +175,9 @@ def _draw_loop(held: Floats, foot: float, above: int, wider: float) -> Floats:
     t = np.insert(t, legs, t[legs])
     corners = [quarter - 0.5, leg + 0.5, last - leg - 0.5, last - quarter + 0.5]
     lift = np.interp(np.arange(last), corners, [0.0, 1.0, 1.0, 0.0])
-    x = t / (2 * np.pi) + _NECK * np.sin(2 * t) + above * wider * np.sin(t) + lift * held[0]
+    # Heads are wider, not necks, which must fit through the heads of others.
+    spread = np.sign(t) * abs(np.sin(t)) ** np.where(abs(t) > np.pi / 2, 8, 1)
+    x = t / (2 * np.pi) + _NECK * np.sin(2 * t) + above * wider * spread + lift * held[0]
     # Not the mirror image of what leans the other way, so that no corners lie on each other.
     x += 0.02 * max(held[0], 0.0) * np.sin(np.pi * lift)
     size = np.where(abs(t) > np.pi / 2, _HEIGHT - foot, _HEIGHT)
