@@ -30,9 +30,6 @@ from spacemap_vtk.laboratory.catalogue import TESTS, find_test
 from spacemap_vtk.laboratory.fabric import Fabric
 from spacemap_vtk.mechanics.elements.membrane_law import LinearLaw
 from spacemap_vtk.mechanics.elements.plates import Plate
-from spacemap_vtk.mechanics.modal.convergence import estimate_error
-from spacemap_vtk.scenes.laboratory import fabric_of
-from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.crimp.cloth_law import cloth_law
 from spacemap_vtk.textile.crimp.contact_law import ContactLaw, VanWykContact
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -313,12 +310,6 @@ def test_folds_below_the_discs_cast_no_shadow_of_their_own() -> None:
     assert drape.find_coefficient(ring, moved) == pytest.approx(0.0, abs=1e-4)
 
 
-def test_cells_of_the_ring_follow_the_bending_length() -> None:
-    for rigidity, cells in ((4e-6, (128, 16)), (5e-7, (256, 32))):
-        plate = Plate(PLATE.membrane, rigidity * np.eye(3))
-        assert drape.choose_cells(Fabric(plate, 4e-4, 0.15)) == cells
-
-
 def test_a_law_that_is_linear_drapes_as_the_linear_membrane() -> None:
     stretch = np.diag([1500.0, 1500.0, 30.0])
     ring = drape.build_ring(4e-4, 24, 3)
@@ -351,26 +342,6 @@ def test_energy_of_a_drape_is_the_work_of_its_weight() -> None:
     area = float(((inner[1:] + inner[:-1]) / 2 * np.diff(places)).sum())
     slope = (energies[2] - energies[0]) / 0.02
     assert slope == pytest.approx(0.15 * 9.80665 * area, rel=0.02)
-
-
-@pytest.mark.nightly
-def test_drape_of_yarns_lies_within_its_error() -> None:
-    """A state of eight nodes: cells half as wide as those of a measurement are the reference."""
-    fabric = fabric_of(Scene.read("yarn_to_cloth"))
-    cells = [(around, around // 8) for around in (32, 64, 128, 256)]
-    assert drape.choose_cells(fabric) == cells[2]
-    guess, found = None, []
-    for number in cells:
-        ring = drape.build_ring(fabric.thickness, *number)
-        guess = drape.wave(ring, 8) if guess is None else guess
-        state = drape.hang(fabric, ring, guess, lambda share: None)
-        guess = drape.refine_ring(ring, state.moved)
-        found.append(state)
-    assert [state.nodes for state in found] == [8, 8, 8, 8]
-    coarsest, coarse, used, fine = (state.coefficient for state in found)
-    error = estimate_error(used, coarse, 2.0, coarsest=coarsest).error
-    assert error < 0.03
-    assert fine == pytest.approx(used, abs=error)
 
 
 @pytest.mark.nightly

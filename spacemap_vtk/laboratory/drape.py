@@ -47,7 +47,7 @@ from spacemap_vtk.laboratory.records import (
 )
 from spacemap_vtk.mechanics.contact.resting import Resting, find_resting_state
 from spacemap_vtk.mechanics.contact.surfaces import Surface, turned_surface
-from spacemap_vtk.mechanics.elements.plates import Plate, bending_length, strip_stiffness
+from spacemap_vtk.mechanics.elements.plates import Plate, strip_stiffness
 from spacemap_vtk.mechanics.equilibrium.drape import drape_coefficient, shadow_area
 from spacemap_vtk.mechanics.modal.convergence import estimate_error
 from spacemap_vtk.mechanics.modal.model import Model
@@ -56,10 +56,9 @@ from spacemap_vtk.units import GRAVITY
 
 #: Radii of the cloth and of the disc [m].
 CLOTH, DISC = 0.15, 0.09
-#: Cells round the ring and outwards, and those of cloth whose bending length is less than two of
-#: these cells.
-CELLS, FINE_CELLS = (128, 16), (256, 32)
-_PER_LENGTH = 2.0
+#: Cells round the ring and outwards. In narrower ones Newton's method with the law of yarns may not
+#: end.
+CELLS = (128, 16)
 #: Numbers of waves with which cloth starts; 0 is flat.
 _WAVES = (0, 4, 5, 6, 7, 8, 9)
 #: Slope of a start with waves, its amplitude, and the distance from the discs where it is complete.
@@ -125,13 +124,14 @@ class Drape(NamedTuple):
 
 def measure(fabric: Fabric, progress: Progress) -> Measurement:
     """Let a round cloth hang over a round disc."""
-    around, outwards = cells = choose_cells(fabric)
+    fabric.require_areal_mass()
+    around, outwards = CELLS
     rings = [build_ring(fabric.thickness, around // n, outwards // n) for n in (4, 2)]
     found = find_drapes(fabric, rings, partial(_report_part, progress, 0.0, 0.7))
     first, second = min(found, key=lambda states: states[-1].energy)
     guess = refine_ring(second.ring, second.moved)
     report = partial(_report_part, progress, 0.7, 1.0)
-    last = hang(fabric, build_ring(fabric.thickness, *cells), guess, report)
+    last = hang(fabric, build_ring(fabric.thickness, *CELLS), guess, report)
     error = estimate_error(
         last.coefficient,
         second.coefficient,
@@ -167,13 +167,6 @@ def _describe_others(found: list[Drape], chosen: Drape) -> str:
         f"this is the state of least energy that was found; others have {min(nodes)} to "
         f"{max(nodes)} nodes, and drape coefficients of {min(values):.1%} to {max(values):.1%}"
     )
-
-
-def choose_cells(fabric: Fabric) -> tuple[int, int]:
-    """Choose the numbers of cells round the ring and outwards."""
-    mass = fabric.require_areal_mass()
-    length = min(bending_length(b, mass) for b in strip_stiffness(fabric.plate.bending))
-    return CELLS if length > _PER_LENGTH * (CLOTH - DISC) / CELLS[1] else FINE_CELLS
 
 
 def find_drapes(fabric: Fabric, rings: list[Ring], progress: Progress) -> list[list[Drape]]:
