@@ -66,8 +66,9 @@ def test_a_cable_moves_half_of_its_stitches_to_each_side():
 def test_a_chart_needs_a_color_for_each_letter_and_cut_edges():
     with pytest.raises(InputError, match="letter C, but there are 2 colours"):
         TextileSource(chart=["ABC"], color=["#ff0000", "#00ff00"]).update()
-    with pytest.raises(InputError, match="do not turn"):
-        TextileSource(chart=["AB"], color=["#ff0000", "#00ff00"], edges="turned").update()
+    for values in ({"chart": ["AB"]}, {"rows": ["kk", "kt"]}, {"rows": ["kk", "c2f"]}):
+        with pytest.raises(InputError, match="turn at the sides"):
+            TextileSource(color=["#ff0000", "#00ff00"], edges="turned", **values).update()
 
 
 def test_yarns_of_a_chart_have_the_colors_of_their_stitches():

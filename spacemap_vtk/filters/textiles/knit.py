@@ -130,8 +130,8 @@ class Knit(TextileKind):
         "cut",
         "Sides of the piece. cut: each course is a yarn of its own; turned: the yarn turns at the "
         "selvedges and knits the next course, except where the colour changes. Selvedges take some "
-        "seconds to relax, and need 3 wales and rows of one colour. joined: a tube, as a sleeve, "
-        "whose face is outside; each course is a ring of all wales.",
+        "seconds to relax, and need 3 wales of knit and purl stitches, of one colour a row. "
+        "joined: a tube, as a sleeve, whose face is outside; each course is a ring of all wales.",
         ["cut", "turned", "joined"],
     )
 
@@ -221,13 +221,21 @@ class Knit(TextileKind):
         return STITCH if self.stitch_length is None else self.stitch_length / self.size
 
     @property
+    def _is_plain(self) -> bool:
+        """Whether there are knit and purl stitches only, of one colour in a row."""
+        passes = self._passes
+        stitches = {letter for each in passes for letter in each.letters}
+        is_crossed = any(each.cables for each in passes)
+        return stitches <= set("kp") and not is_crossed and len(passes) == passes[-1].row + 1
+
+    @property
     def _turns(self) -> bool:
         """Whether yarns turn at the sides of the piece."""
         if self.edges != "turned" or self.wales < 3:
             return False
-        if len(self._passes) > self._passes[-1].row + 1:
+        if not self._is_plain:
             raise InputError(
-                "yarns of a row of several colours do not turn at the sides",
+                "only the yarns of knit and purl stitches, of one colour a row, turn at the sides",
                 key="edges",
                 value=self.edges,
                 cure='Set edges = "cut".',
@@ -295,7 +303,6 @@ class Knit(TextileKind):
         """Return the relaxed cast-on and chain, in diameters; None if the loops are open."""
         if self.ends == "cut":
             return None
-        passes = self._passes
         if self.edges != "cut":
             raise InputError(
                 f"a piece whose sides are {self.edges} is not cast on and bound off",
@@ -303,8 +310,7 @@ class Knit(TextileKind):
                 value=self.ends,
                 cure='Set ends = "cut", or edges = "cut".',
             )
-        is_plain = all(set(each.letters) <= set("kp") and not each.cables for each in passes)
-        if not is_plain or len(passes) > passes[-1].row + 1 or self.courses < 2 * FREE:
+        if not self._is_plain or self.courses < 2 * FREE:
             raise InputError(
                 f"only {2 * FREE} or more courses of knit and purl stitches, of one colour each, "
                 "are cast on and bound off",
@@ -315,7 +321,7 @@ class Knit(TextileKind):
         (yarns, cell, _), length = self.rest(progress), self._stitch_diameters
         key = self._key(f"ends, {self.courses} courses")
         if key not in _ends:
-            count = len(passes[0].letters)
+            count = len(self._passes[0].letters)
             shapes = {"cast_on": (-1, 3), "bind_off": (-1, 3), "overlap": (1,)}
             each = (FREE, POINTS * count, 3)
             found = cache.load(key, **shapes, lower=each, upper=each)
