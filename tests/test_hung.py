@@ -166,10 +166,10 @@ def test_equilibrium_is_cached(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
     np.testing.assert_array_equal(again.at(0.0)["equilibrium"], first)
     again.solver.modes = 4
     again.solver.update()
-    assert not [name for name in stored if name.startswith("hung")]
+    assert not [name for name in stored if name.startswith("rest-")]
     again.solver.gravity = (0, -1.0, 0)
     again.solver.update()
-    assert [name for name in stored if name.startswith("hung")]
+    assert [name for name in stored if name.startswith("rest-")]
 
 
 def test_fabric_follows_the_equilibrium_and_stages_run_once() -> None:
