@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from window import require_display, scene_of, settled, type_into, wait_until
+from window import WIDE, require_display, scene_of, settled, type_into, wait_until
 
 require_display()
 
@@ -21,6 +21,7 @@ def open_knit(open_scene: Any, folder: Path) -> Any:
     file = folder / "knit.toml"
     file.write_text(KNIT, "utf-8")
     window = open_scene(str(file), wait=False)
+    window.resize(*WIDE)  # a narrow window hides the tabs
     window.tabs.setCurrentWidget(window.chart)
     wait_until(lambda: settled(window) and window.chart.chart.shown is not None)
     return window
