@@ -22,8 +22,10 @@ def test_the_constants_are_those_of_the_command_line(
 ) -> None:
     window = open_scene("plain_weave")
     tab, document = window.composite, window.document
-    window.tabs.setCurrentWidget(tab)
+    assert window.tabs.indexOf(tab) < 0
     document.set("unit_cell", "voxels", 16)
+    wait_until(lambda: window.tabs.indexOf(tab) > 0)
+    window.tabs.setCurrentWidget(tab)
     tab.fibre.setCurrentIndex(tab.fibre.findData("carbon_t300"))
     tab.fibre.activated.emit(tab.fibre.currentIndex())
     assert document.scene.parts["unit_cell"].fibre == "carbon_t300"

@@ -119,6 +119,8 @@ class MainWindow(QMainWindow):
         self.plan = PlanTab(self.document, self.engine)
         self.measure = MeasureTab(self.document, self.engine)
         self.composite = CompositeTab(self.document, self.engine)
+        self.composite.setParent(self.tabs)
+        self.composite.hide()
         self.tabs.addTab(self.gallery, "Scenes")
         self.tabs.addTab(self.modes, "Modes")
         self.tabs.addTab(self.plots, "Plots")
@@ -126,7 +128,6 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.pull, "Pull")
         self.tabs.addTab(self.figures, "Figures")
         self.tabs.addTab(self.measure, "Measure")
-        self.tabs.addTab(self.composite, "Composite")
         self.tabs.addTab(self.plan, "Plan")
         self.files = FileCommands(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
@@ -463,17 +464,19 @@ class MainWindow(QMainWindow):
     def _show_view_settings(self) -> None:
         moves = self.document.scene.moves
         self.tabs.setTabVisible(self.tabs.indexOf(self.plan), self.document.scene.woven is not None)
-        self._show_chart_tab(is_knit(self.document.scene))
+        self._show_tab(self.chart, "Chart", self.draft, is_knit(self.document.scene))
+        has_cell = self.composite.section in self.document.scene.given_sections
+        self._show_tab(self.composite, "Composite", self.measure, has_cell)
         self.times.set_moves(moves)
         self.menus.time.setEnabled(moves)
         self.tools.show_scene(self.document.scene)
         self.view.set_view(self.document.scene.view)
 
-    def _show_chart_tab(self, shown: bool) -> None:
+    def _show_tab(self, tab: QWidget, title: str, after: QWidget, shown: bool) -> None:
         # Inserted and removed: a hidden tab would take room in the bar.
-        present = self.tabs.indexOf(self.chart)
+        present = self.tabs.indexOf(tab)
         if shown and present < 0:
-            self.tabs.insertTab(self.tabs.indexOf(self.draft) + 1, self.chart, "Chart")
+            self.tabs.insertTab(self.tabs.indexOf(after) + 1, tab, title)
         elif not shown and present >= 0:
             self.tabs.removeTab(present)
 

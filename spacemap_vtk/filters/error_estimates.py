@@ -44,6 +44,8 @@ from spacemap_vtk.units import GRAVITY
 
 #: The coarser cage also needs modes that are above the highest of the finer one.
 _MORE_MODES = 1.25
+#: Share of the thickness: a state of rest that moves by less is that of flat cloth.
+_FLAT = 0.01
 #: Number of coarser cages.
 _WIDER = 2
 #: Factor of the estimate of `mode_errors`, which may be half as large as the error.
@@ -118,6 +120,10 @@ class ErrorEstimates:
         """Relative difference of the first two states of equilibrium; 0 for cages at rest."""
         own, other = self.modes.model.displacement, self.wider_modes[0].model.displacement
         if own is None or other is None:
+            return 0.0
+        # Cloth that moves by a small part of its thickness is flat, whatever the displacement is.
+        thickness = np.ptp(self.modes.model.points, axis=0).min()
+        if max(np.abs(own).max(), np.abs(other).max()) < _FLAT * thickness:
             return 0.0
         return relative_difference(self._at_vertices_of(self.wider_modes[0], own), other)
 

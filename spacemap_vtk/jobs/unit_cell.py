@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.formats.unit_cell import DECK, MAP
 from spacemap_vtk.io.output import check_output, format_csv, write_parts
 from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.jobs.job import Context, Job, register
@@ -32,7 +33,7 @@ class UnitCellJob(Job):
 
     def __post_init__(self) -> None:
         check_output(self.output, writer_endings("unit_cell"))
-        is_deck = self.output.suffix.lower() == ".inp"
+        is_deck = self.output.suffix.lower() == DECK
         if self.solver not in SOLVERS:
             raise InputError(
                 "there is no deck for this solver",
@@ -42,7 +43,7 @@ class UnitCellJob(Job):
             )
         if self.fields and is_deck:
             raise InputError(
-                "a deck holds no fields", key="fields", value=True, cure="Write a .vti or .vtu."
+                "a deck holds no fields", key="fields", value=True, cure="Write voxels instead."
             )
 
     def write(self, context: Context) -> str:
@@ -76,7 +77,7 @@ class CompositeMapJob(Job):
     command = "constants --map"
 
     def __post_init__(self) -> None:
-        check_output(self.output, {".csv": "table", ".vtp": "surface"})
+        check_output(self.output, {".csv": "table", MAP: "surface"})
 
     def write(self, context: Context) -> str:
         """Compute the constants of all cells and write them."""

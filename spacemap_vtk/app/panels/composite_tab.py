@@ -29,6 +29,7 @@ from spacemap_vtk.app.work.slices import in_slices
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.unit_cell import UnitCell
+from spacemap_vtk.io.registry import writer_endings
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
 
@@ -47,12 +48,6 @@ _OLD = "The scene has changed since these constants were computed."
 _HEADINGS = ("constant", "value", "±", "unit")
 #: A view that is no slice.
 _MODULI = "moduli"
-#: Kinds of files that the tab writes: ending, and kind of job.
-SAVED = {
-    "Moduli…": (".png", "constants"),
-    "Voxels…": (".vti", "unit_cell"),
-    "Deck for CalculiX…": (".inp", "unit_cell"),
-}
 
 
 class _Result(NamedTuple):
@@ -85,6 +80,8 @@ def _compute(
 class CompositeTab(QWidget):
     """Materials, slices through the unit cell, and the constants."""
 
+    #: Section of the scene with which the tab is shown.
+    section = _SECTION
     #: Ending of a file to write, and the kind of its job.
     export_requested = Signal(str, str)
 
@@ -104,8 +101,10 @@ class CompositeTab(QWidget):
         self.run_button.clicked.connect(self._start_or_cancel)
         self.save_button = QPushButton("Save")
         menu = QMenu(self)
-        for text, (ending, kind) in SAVED.items():
-            menu.addAction(text, partial(self.export_requested.emit, ending, kind))
+        saved = {".png": "Moduli", **writer_endings("unit_cell")}
+        for ending, label in saved.items():
+            kind = "unit_cell" if ending in writer_endings("unit_cell") else "constants"
+            menu.addAction(f"{label}…", partial(self.export_requested.emit, ending, kind))
         self.save_button.setMenu(menu)
         self.content = narrow(QComboBox(toolTip="What is shown"), 8)
         for key, label in {**CONTENTS, _MODULI: "Modulus over the direction"}.items():

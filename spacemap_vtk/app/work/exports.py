@@ -167,7 +167,7 @@ class Exports(QObject):
         """Ask for a file, and write moduli, voxels or a deck of the unit cell."""
         if not self._require_idle():
             return
-        label = {".png": "Plot", ".vti": "Voxels", ".inp": "Deck"}[ending]
+        label = writer_endings("unit_cell").get(ending, "Plot")
         name, _ = QFileDialog.getSaveFileName(
             self._window,
             "Save composite",
