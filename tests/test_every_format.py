@@ -70,7 +70,9 @@ def jobs(folder: Path) -> list[tuple[str, Job]]:
     for kind, ending in sorted(kinds):
         if ending == ".jpeg" or (kind == "plot" and ending != ".svg"):
             continue  # as .jpg; all plots are of one figure, below
-        name = f"{names.get(kind, kind or ending[1:])}{ending}"
+        # The grid of .yaml is a .vti of the same name.
+        stem = "damask" if ending == ".yaml" else names.get(kind, kind or ending[1:])
+        name = f"{stem}{ending}"
         file = folder / name
         job = make_job(DRAWN[kind], file) if kind else make_data_job(file)
         if isinstance(job, PictureJob):
@@ -186,6 +188,16 @@ def page_size(file: Path) -> str:
     return re.search(rb"/MediaBox \[(.*?)\]", content)[1].decode()  # type: ignore[index]
 
 
+def grid_corners(file: Path) -> Any:
+    """Return two opposite corners of the grid that a file for FANS describes."""
+    import h5py
+
+    cell = json.loads(file.read_text())["microstructure"]
+    with h5py.File(file.parent / cell["filepath"]) as made:
+        assert made[cell["datasetname"]].ndim == 3
+    return np.array([[0.0, 0.0, 0.0], cell["L"]])
+
+
 #: A reader of another program for each written format; the test fails for a format without one.
 READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     **{("", ending): read_draft_rows for ending in (".dtx", ".txt", ".wif")},
@@ -213,6 +225,8 @@ READERS: dict[tuple[str, str], Callable[[Path], Any]] = {
     ("plot", ".pdf"): page_size,
     ("pages", ".pdf"): page_size,
     **{("unit_cell", ending): lambda file: pv.read(file).points for ending in (".vti", ".vtu")},
+    ("unit_cell", ".yaml"): lambda file: pv.read(file.with_suffix(".vti")).points,
+    ("unit_cell", ".json"): grid_corners,
     # The last three nodes drive the strains.
     ("unit_cell", ".inp"): lambda file: meshio.read(file, "abaqus").points[:-3],
 }

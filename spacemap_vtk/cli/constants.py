@@ -142,15 +142,17 @@ def unit_cell(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Write one repeat of a textile in a matrix as voxels, or as a deck of a solver.
+    """Write one repeat of a textile in a matrix as voxels, or as input of a solver.
 
     Each voxel has the share of yarn (fraction), the number of the yarn, the direction of its fibres
     and their share of the yarn (packing). A deck (.inp) has periodic boundary conditions, the axes
     of the fibres, and six steps of unit strains; its head says how to read the stiffness. It gives
-    each voxel the material of the larger share, where `spacemap constants` mixes both. For example:
+    each voxel the material of the larger share, where `spacemap constants` mixes both. So do the
+    grids of DAMASK (.yaml, and .vti) and FANS (.json, and .h5). For example:
 
         spacemap unit-cell plain_weave -o cell.vti
         spacemap unit-cell twill_2_2 --voxels 32 --fibre carbon_t300 -o cell.inp
+        spacemap unit-cell twill_2_2 --voxels 32 -o cell.yaml
     """
     with name_options():
         job = UnitCellJob(output, solver, fields)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.formats.unit_cell import DECK, MAP
+from spacemap_vtk.io.formats.unit_cell import MAP, VOXELS
 from spacemap_vtk.io.output import check_output, format_csv, write_parts
-from spacemap_vtk.io.registry import writer_endings
+from spacemap_vtk.io.registry import writer, writer_endings
 from spacemap_vtk.jobs.job import Context, Job, register
 
 #: Solvers for which decks are written.
@@ -20,7 +20,7 @@ _STEPS = 100
 @register()
 @dataclass
 class UnitCellJob(Job):
-    """Voxels of one repeat of a textile in its matrix, or a deck for another solver."""
+    """Voxels of one repeat of a textile in its matrix, or input of another solver."""
 
     output: Path
     #: One of `SOLVERS`, for a deck.
@@ -33,7 +33,7 @@ class UnitCellJob(Job):
 
     def __post_init__(self) -> None:
         check_output(self.output, writer_endings("unit_cell"))
-        is_deck = self.output.suffix.lower() == DECK
+        writer(self.output, "unit_cell").check(self.output)
         if self.solver not in SOLVERS:
             raise InputError(
                 "there is no deck for this solver",
@@ -41,10 +41,19 @@ class UnitCellJob(Job):
                 value=self.solver,
                 allowed=" or ".join(SOLVERS),
             )
-        if self.fields and is_deck:
+        if self.fields and self.output.suffix.lower() not in VOXELS:
             raise InputError(
-                "a deck holds no fields", key="fields", value=True, cure="Write voxels instead."
+                f"{self.output}: files for other solvers hold no fields",
+                key="fields",
+                value=True,
+                allowed=" or ".join(VOXELS),
+                cure="Write voxels instead.",
             )
+
+    @property
+    def needs_folder(self) -> bool:
+        """Whether other files may appear next to the output."""
+        return True
 
     def write(self, context: Context) -> str:
         """Fill the voxels and write them; returns the largest stresses."""

@@ -172,7 +172,20 @@ YARN_RULES = {"chamis": chamis, "mori_tanaka": mori_tanaka}
 
 
 def turn_stiffness(material: Constituent, directions: Floats) -> NDArray[Any]:
-    """Turn the stiffness of a material into axes (n, 3): upper triangles (21, n) [Pa]."""
+    """Turn the stiffness of a material into several directions.
+
+    Parameters
+    ----------
+    material : Constituent
+        A transversely isotropic material.
+    directions : ndarray, shape (n, 3)
+        Unit vectors along its axis.
+
+    Returns
+    -------
+    ndarray, shape (21, n)
+        Upper triangles of the stiffnesses [Pa].
+    """
     # A. J. M. Spencer, "Continuum Theory of the Mechanics of Fibre-Reinforced Composites" (1984),
     # eq. 25.
     c = material.stiffness

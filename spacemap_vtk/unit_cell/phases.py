@@ -25,6 +25,8 @@ _PURE = 1e-6
 _BLOCK = 50_000
 #: Step in which areas of sections are told apart, as a share of their mean.
 _AREA_STEP = 0.02
+#: Step in which directions of fibres are told apart in a list of materials [degrees].
+DIRECTION_STEP = 1
 
 
 @dataclass(frozen=True)
@@ -167,6 +169,48 @@ def mix_none(model: UnitCellModel, dtype: type = np.float64) -> Phases:
     pure = np.where(model.voxels.fraction >= 0.5, 1.0, 0.0)
     voxels = replace(model.voxels, fraction=pure)
     return assign_materials(voxels, model.spacing, model.yarn, model.matrix, dtype, model.gradient)
+
+
+def list_materials(model: UnitCellModel) -> tuple[NDArray[np.int32], Floats, Floats]:
+    """Number the materials of the voxels, each of the larger share, in classes of direction.
+
+    Parameters
+    ----------
+    model : UnitCellModel
+        Voxels of a cell that is not sheared.
+
+    Returns
+    -------
+    numbers : ndarray, shape (nz, ny, nx)
+        Material of each voxel; 0 is the matrix.
+    areas : ndarray, shape (materials - 1,)
+        Area of the section over its mean, of the materials of yarns.
+    axes : ndarray, shape (materials - 1, 3)
+        Mean direction of the fibres of a class, whose azimuths and elevations round to the same
+        multiple of `DIRECTION_STEP`; z is not negative.
+    """
+    yarn = model.voxels.fraction >= 0.5
+    axes = model.voxels.direction[yarn].astype(np.float64)
+    axes *= np.where(axes[:, 2:] < 0, -1.0, 1.0)  # a direction and its opposite are the same
+    level = np.hypot(axes[:, 0], axes[:, 1])
+    azimuth, elevation = (
+        np.rint(np.degrees(np.arctan2(up, along)) / DIRECTION_STEP).astype(np.int32)
+        for up, along in ((axes[:, 1], axes[:, 0]), (axes[:, 2], level))
+    )
+    half = 180 // DIRECTION_STEP
+    azimuth = np.where(elevation == 0, azimuth % half, azimuth % (2 * half))
+    azimuth[2 * elevation == half] = 0
+    section = np.rint(model.voxels.area[yarn] / _AREA_STEP).astype(np.int32)
+    keys = np.stack([section, azimuth, elevation], axis=1)
+    found, place = np.unique(keys, axis=0, return_inverse=True)
+    numbers: NDArray[np.int32] = np.zeros(yarn.shape, np.int32)
+    numbers[yarn] = 1 + place.ravel()
+    a, e = np.radians(DIRECTION_STEP * found[:, 1:]).T
+    centre = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
+    axes *= np.sign(np.einsum("nc,nc->n", axes, centre[place.ravel()]))[:, None]
+    mean: Floats = np.stack([np.bincount(place.ravel(), column) for column in axes.T], axis=1)
+    mean, _ = _unit(mean * np.where(mean[:, 2:] < 0, -1.0, 1.0))
+    return numbers, found[:, 0] * _AREA_STEP, mean
 
 
 def strain_map(gradient: Floats) -> Floats:

@@ -40,8 +40,10 @@ stresses (DRIVER_X: xx, xy, xz); divided by 1e-3 they are the column of the stif
 strain of the step.
 """,
 }
-#: Endings of decks, and of the constants of each cell of a sheet.
-DECK, MAP = ".inp", ".vtp"
+#: Endings of voxels as VTK stores them.
+VOXELS = (".vti", ".vtu")
+#: Ending of the constants of each cell of a sheet.
+MAP = ".vtp"
 #: The imposed strain.
 STRAIN = 1e-3
 
@@ -79,7 +81,7 @@ def _image(model: UnitCellModel) -> Any:
     return image
 
 
-@writes(DECK, label="CalculiX and Abaqus", holds=("unit_cell",))
+@writes(".inp", label="CalculiX and Abaqus", holds=("unit_cell",))
 def write_deck(file: Path, model: UnitCellModel) -> None:
     """Write nodes, elements, materials, periodic equations and six load steps."""
     write_parts(file, (f"{line}\n".encode() for line in _deck(model)))

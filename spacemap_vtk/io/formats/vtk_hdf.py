@@ -61,7 +61,7 @@ def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
     import h5py
     import numpy as np
 
-    with _ErrorKeepingFile(file, "w+") as sink:
+    with ErrorKeepingFile(file, "w+") as sink:
         try:
             with h5py.File(sink, "w") as made:
                 if record_text():  # not in the field data: a text there crashes VTK's reader
@@ -71,7 +71,7 @@ def write_hdf(file: Path, steps: Iterable[tuple[float, vtkDataSet]]) -> None:
             sink.check()  # the first error is the cause of all later ones
 
 
-class _ErrorKeepingFile(FileIO):
+class ErrorKeepingFile(FileIO):
     """A file that stores a write error until `check`; HDF5 would end Python if a write failed."""
 
     error: OSError | None = None
@@ -98,7 +98,7 @@ class _ErrorKeepingFile(FileIO):
 
 
 def _write_steps(
-    made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink: _ErrorKeepingFile
+    made: Any, name: str, steps: Iterable[tuple[float, vtkDataSet]], sink: ErrorKeepingFile
 ) -> None:
     import numpy as np
 
