@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.optimize import brentq
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.cage.lattice import build_lattice
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.filters.textile_sheet import (
     add_textile,
     law_of_textile,
@@ -315,3 +316,20 @@ def test_a_knit_that_is_pulled_with_free_sides_contracts_as_its_cell_does():
 def test_yarns_that_are_set_have_no_other_law():
     with pytest.raises(InputError, match="its law is linear"):
         law_of_textile(Mesh(tension=60.0, bending=2e-8))
+
+
+def test_a_knit_that_slides_on_a_small_ball_is_refused_with_the_cure() -> None:
+    ball = {"shape": "sphere", "radius": 0.015, "center": [0, 0, -0.017], "friction": 0.3}
+    values: dict[str, Any] = {
+        "textile": {"rows": "rib 1x1", "wales": 24, "courses": 20, "tension": 20, "bending": 2e-9},
+        "modal": {
+            "elements": "sheet",
+            "material": "yarns",
+            "gravity": [0, 0, -9.81],
+            "fixed": "",
+            "modes": 6,
+            "obstacles": [ball],
+        },
+    }
+    with pytest.raises(SolverError, match=r"no vibrations about this state.*modal\.fixed"):
+        Scene(values).modal.update()

@@ -39,7 +39,7 @@ from spacemap_vtk.datasets.reactions import (
     add_reactions,
     remove_reactions,
 )
-from spacemap_vtk.errors import InputError, SpacemapError, add_key_to_errors
+from spacemap_vtk.errors import InputError, SolverError, SpacemapError, add_key_to_errors
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.cage_fittings import CageFittings
 from spacemap_vtk.filters.cage_material import WOVEN
@@ -689,7 +689,17 @@ class ModalSolver(LawParameters, CageFittings, Stage):
             value=self.modes,
             cure="Use a coarser cage or fewer modes.",
         )
-        return model.modes(count, lambda share: self.report_progress(share, "modes"))
+        try:
+            return model.modes(count, lambda share: self.report_progress(share, "modes"))
+        except SolverError as error:
+            if not self.obstacles or model.displacement is None:
+                raise
+            raise SolverError(
+                "the cage rests on its obstacles, but there are no vibrations about this state: "
+                "where all points of contact slide, nothing brings the cage back",
+                cure="Raise the friction of the obstacles, or hold a part of the cage with "
+                "modal.fixed",
+            ) from error
 
     def _load_or_solve_modes(self, model: Model, layers: float) -> Solution:
         """Return the modes for unit modulus and density, from memory, from disk or solved."""
