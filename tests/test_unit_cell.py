@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from spacemap_vtk.cli.options import open_scene
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.unit_cell import shear_gradient
-from spacemap_vtk.io.formats.unit_cell import STRAIN
+from spacemap_vtk.io.formats.unit_cell import STRAIN, write_deck
 from spacemap_vtk.scenes.composite import compute_constants, directional_moduli, unit_cell_model
 from spacemap_vtk.unit_cell.homogenise import homogenise, homogenise_plate
 from spacemap_vtk.unit_cell.mixtures import (
@@ -30,7 +31,7 @@ from spacemap_vtk.unit_cell.mixtures import (
     mori_tanaka,
     turn_stiffness,
 )
-from spacemap_vtk.unit_cell.phases import assign_materials, mix_none
+from spacemap_vtk.unit_cell.phases import UnitCellModel, assign_materials, mix_none
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise
 from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity, symmetric
 
@@ -288,16 +289,60 @@ def test_calculix_finds_the_same_stiffness_from_the_deck(
     with pytest.raises(SystemExit) as end:
         main(["unit-cell", "plain_weave", *sets, "-o", str(tmp_path / "cell.inp"), "-q"])
     assert end.value.code == 0
-    done = subprocess.run(["ccx", "cell"], cwd=tmp_path, capture_output=True, check=True)
-    assert b"Job finished" in done.stdout
-    steps = (tmp_path / "cell.dat").read_text().split("stresses")[1:]
-    rows = [[line.split()[2:8] for line in step.splitlines()[2:] if line.strip()] for step in steps]
-    printed = np.array(rows, float).mean(axis=1) / STRAIN
     model = unit_cell_model(open_scene("plain_weave", words))
     exact = homogenise(mix_none(model), model.spacing, 8, 1e-6)[0].stiffness
-    # CalculiX prints xx, yy, zz, xy, xz, yz, with seven digits.
-    found = printed[:, [0, 1, 2, 5, 4, 3]]
+    found = run_calculix(tmp_path / "cell.inp")
     np.testing.assert_allclose(found, exact, rtol=0, atol=2e-7 * exact.max())
+
+
+def run_calculix(deck: Path) -> np.ndarray:
+    """Return the stiffness (6, 6) that CalculiX finds from a deck, with seven digits."""
+    words = ["ccx", deck.stem]
+    done = subprocess.run(words, cwd=deck.parent, capture_output=True, check=True)
+    assert b"Job finished" in done.stdout
+    steps = deck.with_suffix(".dat").read_text().split("stresses")[1:]
+    rows = [[line.split()[2:8] for line in step.splitlines()[2:] if line.strip()] for step in steps]
+    # CalculiX prints xx, yy, zz, xy, xz, yz.
+    return np.array(rows, float).mean(axis=1)[:, [0, 1, 2, 5, 4, 3]] / STRAIN
+
+
+@dataclass(frozen=True)
+class Orthotropic(Constituent):
+    """A material of nine moduli, which no yarn has, so that none can be swapped in a file."""
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        e1, e2, e3, nu12, nu13, nu23 = 130e9, 11e9, 7e9, 0.31, 0.26, 0.42
+        g12, g13, g23 = 5.1e9, 3.7e9, 2.3e9
+        compliance = np.diag([1 / e1, 1 / e2, 1 / e3, 1 / g23, 1 / g13, 1 / g12])
+        compliance[0, 1] = compliance[1, 0] = -nu12 / e1
+        compliance[0, 2] = compliance[2, 0] = -nu13 / e1
+        compliance[1, 2] = compliance[2, 1] = -nu23 / e2
+        return np.linalg.inv(compliance)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.6, 0, 0.8)])
+def test_a_brick_of_nine_moduli_comes_back_from_calculix(
+    direction: tuple[float, ...], tmp_path: Path
+) -> None:
+    full = np.ones((2, 2, 2))
+    along = np.broadcast_to(np.array(direction, float), (2, 2, 2, 3))
+    voxels = Voxels(full, np.zeros((2, 2, 2), np.int32), along, full, 0.0)
+    brick = Orthotropic(2.0, 1.0, 1.0, 0.3, 0.3)
+    spacing = np.array([1e-3, 2e-3, 3e-3])
+    write_deck(
+        tmp_path / "a.inp", UnitCellModel("brick", voxels, spacing, lambda _: brick, EPOXY, 1.0)
+    )
+    lines = (tmp_path / "a.inp").read_text().splitlines()
+    # The deck's own axes 1 and 2, of the first element; the line before is the default.
+    words = lines[lines.index("*DISTRIBUTION, NAME=AXES") + 2].split(",")
+    first, second = np.array(words[1:], float).reshape(2, 3)
+    np.testing.assert_allclose(first, direction, atol=1e-12)
+    exact = turn(brick.stiffness, np.column_stack([first, second, np.cross(first, second)]))
+    found = run_calculix(tmp_path / "a.inp")
+    # Half of the seventh digit.
+    np.testing.assert_allclose(found, exact, rtol=5e-7, atol=1e-9 * exact.max())
 
 
 def test_a_file_has_the_fields_under_unit_strains(

@@ -176,17 +176,18 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
 
 def _elastic(material: Constituent) -> Iterator[str]:
     """Yield the engineering constants; axis 1 runs along the fibres."""
+    import numpy as np
+
     if material.is_isotropic:
         yield "*ELASTIC"
         yield _numbers([material.axial_modulus, material.axial_poisson])
         return
-    one, two = material.axial_modulus, material.transverse_modulus
-    poisson, across = material.axial_poisson, material.transverse_poisson
-    # The order is E1, E2, E3, ν12, ν13, ν23, G12, G13; G23 is in the second line.
+    compliance = np.linalg.inv(material.stiffness)
+    e1, e2, e3, g23, g13, g12 = (1 / np.diag(compliance)).tolist()
+    nu12, nu13, nu23 = (-compliance[i, j] / compliance[i, i] for i, j in ((0, 1), (0, 2), (1, 2)))
     yield "*ELASTIC, TYPE=ENGINEERING CONSTANTS"
-    shear = material.axial_shear
-    yield _numbers([one, two, two, poisson, poisson, across, shear, shear])
-    yield _numbers([material.transverse_shear])
+    yield _numbers([e1, e2, e3, nu12, nu13, nu23, g12, g13])
+    yield _numbers([g23])
 
 
 def _equations(nodes: NDArray[Any], drivers: list[int]) -> Iterator[str]:
