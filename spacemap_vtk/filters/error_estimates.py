@@ -159,22 +159,27 @@ class ErrorEstimates:
                 found[str(place)] = float(np.delete(sizes, normal).max()) / 2
         return found
 
-    def compare(self, *values: ArrayLike) -> Estimate:
+    def compare(self, *values: ArrayLike, balanced: bool = False) -> Estimate:
         """Estimate the error of a figure of the equilibrium.
 
         Parameters
         ----------
         *values : float or array_like, shape (n,)
             The figure of `solver`, and those of `wider`.
+        balanced : bool, optional
+            Whether the figure follows from the balance of forces alone, as the force of the only
+            body that holds a cage: then it does not matter in which folds cloth hangs.
 
         Returns
         -------
         Estimate
             Its error, in the unit of the figure.
         """
-        return self._estimate(values, self.same_state)
+        return self._estimate(values, balanced or self.same_state, balanced)
 
-    def _estimate(self, values: Sequence[ArrayLike], same_state: bool) -> Estimate:
+    def _estimate(
+        self, values: Sequence[ArrayLike], same_state: bool, balanced: bool = False
+    ) -> Estimate:
         fine, coarse, *coarsest = values
         # Of two states, figures may by chance be alike.
         chance = 0.0 if self.same_state else min(self.state_difference, 1.0)
@@ -186,7 +191,7 @@ class ErrorEstimates:
             coarsest_ratio=self.ratios[-1],
             order=self.order,
             same_state=same_state,
-            least=max(self.folds, chance),
+            least=0.0 if balanced else max(self.folds, chance),
         )
 
     def _at_vertices_of(self, other: CageModes, values: Floats) -> Floats:

@@ -45,6 +45,7 @@ def add_errors(
         estimate = None if estimates is None else estimates.frequencies[number]
         mode["error"] = None if estimate is None else estimate.error
         mode["converged"] = None if estimate is None else estimate.converged
+    alone = len(figures.get("reactions") or ()) == 1
     states = [figures, *({key: each.get(key) for key in figures} for each in wider)]
     columns = zip(*map(_tables, states), strict=True)
     for (table, keys), *others in columns:
@@ -54,7 +55,7 @@ def add_errors(
             known = list(takewhile(lambda value: value is not None, values))
             found: Estimate | None = None
             if estimates is not None and len(known) > 1:
-                found = estimates.compare(*known)
+                found = estimates.compare(*known, balanced=alone and key == "force")
                 if key == "moment" and table["name"] in estimates.hidden_arms:
                     arm = estimates.hidden_arms[table["name"]]
                     error = max(found.error, arm * float(np.linalg.norm(table["force"])))
