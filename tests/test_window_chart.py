@@ -12,6 +12,7 @@ require_display()
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtGui import QColor  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
+from PySide6.QtWidgets import QWidget  # noqa: E402
 
 LEFT = Qt.MouseButton.LeftButton
 KNIT = '[textile]\nrows = "stockinette"\nwales = 4\ncourses = 4\ncolor = ["#c43e3a", "#eee2c8"]\n'
@@ -79,3 +80,15 @@ def test_only_knits_have_a_chart(open_scene: Any, tmp_path: Path) -> None:
     assert window.tabs.indexOf(window.chart) < 0
     window.menus.actions["Undo"].trigger()
     assert window.tabs.indexOf(window.chart) >= 0
+
+
+def test_many_tabs_do_not_hide_the_panel_in_a_narrow_window(
+    open_scene: Any, tmp_path: Path
+) -> None:
+    window = open_knit(open_scene, tmp_path)
+    window.tabs.addTab(QWidget(), "A tab with a long title")
+    window.tabs.addTab(QWidget(), "Another tab with a long title")
+    window.resize(960, 700)
+    wait_until(lambda: window.width() == 960)
+    assert window.tabs.isVisible()
+    assert window.tabs.tabBar().minimumSizeHint().width() < window.tabs.width()

@@ -104,8 +104,9 @@ class MainWindow(QMainWindow):
         self.tabs = QTabWidget(documentMode=True)
         # Qt draws the base line of the tab bar white, also in the dark theme.
         self.tabs.tabBar().setDrawBase(False)
-        # In a narrow window, shorten the titles: users do not find tabs behind scroll buttons.
-        self.tabs.setUsesScrollButtons(False)
+        # In a narrow window, shorten the titles first: users do not find tabs behind buttons that
+        # scroll. Without such buttons, many tabs would need so much width that the panel hides.
+        self.tabs.setUsesScrollButtons(True)
         self.tabs.setElideMode(Qt.TextElideMode.ElideRight)
         self.draft = DraftTab(self.document)
         self.chart = ChartTab(self.document)
