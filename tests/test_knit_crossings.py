@@ -7,10 +7,12 @@ import pytest
 
 from spacemap_vtk.errors import GeometryError
 from spacemap_vtk.textile.rods.alexander import alexander_value, require_same_crossings
+from spacemap_vtk.textile.rods.bound_piece import close_yarn, draw_bound_piece
 from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings
 from spacemap_vtk.textile.rods.knit import relax_knit
 from spacemap_vtk.textile.rods.loops import column_starts, draw_loops
 from spacemap_vtk.textile.rods.stitches import plan_passes
+from spacemap_vtk.textile.rods.yarns import Yarn
 
 PATTERNS = [
     (["k"], ()),
@@ -100,3 +102,33 @@ def test_a_stitch_crosses_each_loop_that_it_casts_off_four_times():
 def test_yarns_of_any_pattern_rest_beside_each_other(rows, chart):
     # relaxing refuses yarns whose crossings are not those of the pattern
     assert 0.0 < relax_knit(rows, 16.0, chart).overlap <= 0.005
+
+
+def test_a_trefoil_has_the_value_of_its_polynomial():
+    # t - 1 + 1/t at t = exp(0.8i)
+    t = 2 * np.pi * np.arange(60) / 60
+    x, y = np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t)
+    knot = [Yarn(np.column_stack([x, y, -np.sin(3 * t)]), (0, 0))]
+    value = alexander_value(knot, find_crossings(knot, np.zeros((2, 3)), (0.1, 0.2, 1.0)))
+    assert value == pytest.approx(np.log(2 * np.cos(0.8) - 1), abs=1e-9)
+
+
+@pytest.mark.parametrize("courses", [4, 5])
+def test_a_bound_piece_is_one_knot_whatever_its_stitch_and_changes_if_yarn_passes(courses):
+    # Courses of 4 and 5: chains to the right and to the left.
+    nowhere, values = np.zeros((2, 3)), []
+    for length in (16.0, 20.0):
+        drawing = draw_loops(plan_passes(["kp"]), length)
+        drawn = draw_bound_piece(drawing.yarns, drawing.cell, length, 4, courses)
+        knot = [close_yarn(np.concatenate(drawn.parts))]
+        for direction in ((0.0, 0.0, 1.0), (0.5, 0.3, 1.0)):
+            found = find_crossings(knot, nowhere, direction)
+            values.append(alexander_value(knot, found))
+    assert values == pytest.approx(values[:1] * 4, abs=1e-9)
+    numbers = np.arange(len(found.signs))
+    changes = [
+        abs(alexander_value(knot, with_order(found, numbers != number)) - values[0])
+        for number in numbers
+    ]
+    # The others are twists that come undone without passing anything.
+    assert np.mean(np.array(changes) > 1e-6) > 0.9

@@ -119,7 +119,7 @@ def test_bound_ends_leave_no_loop_open_and_no_yarn_inside_another():
         {"chart": ["AB"]},
         {"courses": 3},
         {"rows": ["kk", "c2f"]},
-        {"edges": "turned"},
+        {"edges": "joined"},
     ],
 )
 def test_ends_that_cannot_be_bound_are_refused_with_the_cure(values):
@@ -127,6 +127,31 @@ def test_ends_that_cannot_be_bound_are_refused_with_the_cure(values):
     with pytest.raises(InputError, match="cast on and bound off") as refused:
         Knit(color=colors, ends="bound", **values).both_ends()
     assert "cut" in refused.value.cure
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("rows", ["rib 1x1", "seed"])
+def test_a_piece_with_all_edges_is_one_yarn_that_is_not_inside_itself(rows):
+    knit = TextileSource(
+        wales=4, courses=5, edges="turned", ends="bound", rows=rows, color=["#ff0000"]
+    )
+    output = knit.update().output
+    assert set(vtk_to_numpy(output.GetCellData().GetArray("yarn"))) == {0}
+    assert len(knit.yarn_diameters) == 1
+    assert {f.key: f.value for f in knit.figures}["largest_overlap"] <= 0.005
+
+
+def test_stripes_of_a_piece_with_all_edges_are_yarns_of_their_own():
+    red, white = (200, 0, 0), (255, 255, 255)
+    knit = Knit(wales=4, courses=5, edges="turned", ends="bound", color=[red, red, white])
+    # red cast-on and two courses, a white course, two red ones with the chain
+    assert knit.line_colors.tolist() == [[*red], [*white], [*red]]
+
+
+def test_a_large_piece_with_all_edges_is_refused_with_the_cure():
+    with pytest.raises(InputError, match="too large") as refused:
+        Knit(wales=30, courses=30, edges="turned", ends="bound").bound_piece()
+    assert "400" in refused.value.allowed
 
 
 @pytest.mark.nightly

@@ -13,6 +13,7 @@ from spacemap_vtk.filters.textiles.kind import CONTACT, Rest, TextileKind, keep_
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Integer, Parameter, Real
+from spacemap_vtk.textile.rods.bound_piece import BoundPiece, relax_bound_piece
 from spacemap_vtk.textile.rods.ends import FREE, Ends, relax_ends
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.knit import (
@@ -42,12 +43,16 @@ from spacemap_vtk.textile.rods.yarns import Yarn
 STITCH = 16.0
 #: Least number of stitches round a tube.
 LEAST_ROUND = 8
+#: Most stitches of a piece of one yarn, of which all edges relax at once.
+MOST_BOUND = 400
 #: The tube that was relaxed last, by digest.
 _tubes: dict[str, Rolled] = {}
 #: The selvedges that were relaxed last, by digest.
 _selvedges: dict[str, Selvedges] = {}
 #: The ends that were relaxed last, by digest.
 _ends: dict[str, Ends] = {}
+#: The piece of one yarn that was relaxed last, by digest.
+_pieces: dict[str, BoundPiece] = {}
 
 
 class Stitches(Parameter[Any]):
@@ -139,7 +144,9 @@ class Knit(TextileKind):
         "cut",
         "Lower and upper end of the piece. cut: loops are open, and the knit ravels; bound: closed "
         "loops are cast on, and a chain binds the last loops off. Bound ends take some seconds to "
-        "relax, and need cut sides and 4 courses of knit and purl stitches, of one colour each.",
+        "relax, and need 4 courses of knit and purl stitches, of one colour each. With turned "
+        "sides, the yarn runs from the cast-on to the chain, where it is fastened off; such a "
+        f"piece has up to {MOST_BOUND} stitches, and takes longer.",
         ["cut", "bound"],
     )
 
@@ -243,8 +250,8 @@ class Knit(TextileKind):
         return True
 
     def sides(self, progress: Progress | None = None) -> Selvedges | None:
-        """Return the relaxed selvedges, in diameters; None if the courses are cut."""
-        if not self._turns:
+        """Return the relaxed selvedges, in diameters; None if there are none, or ends as well."""
+        if not self._turns or self.ends == "bound":
             return None
         (yarns, cell, _), passes = self.rest(progress), self._passes
         length, strip = self._stitch_diameters, strip_wales(len(passes[0].letters), self.wales)
@@ -299,13 +306,41 @@ class Knit(TextileKind):
             )
         return _tubes[key]
 
-    def both_ends(self, progress: Progress | None = None) -> Ends | None:
-        """Return the relaxed cast-on and chain, in diameters; None if the loops are open."""
-        if self.ends == "cut":
+    def bound_piece(self, progress: Progress | None = None) -> BoundPiece | None:
+        """Return the piece with turned sides and bound ends, in diameters; None if others."""
+        if self.ends == "cut" or not self._turns:
             return None
-        if self.edges != "cut":
+        self._require_plain_ends()
+        if self.wales * self.courses > MOST_BOUND:
             raise InputError(
-                f"a piece whose sides are {self.edges} is not cast on and bound off",
+                "a piece with turned sides is too large to be cast on and bound off",
+                key="ends",
+                value=f"{self.wales} × {self.courses} stitches",
+                allowed=f"{MOST_BOUND} stitches or fewer",
+                cure='Set ends = "cut", or edges = "cut".',
+            )
+        (yarns, cell, _), length = self.rest(progress), self._stitch_diameters
+        key = self._key(f"bound piece, {self.wales} wales, {self.courses} courses")
+        if key not in _pieces:
+            found = cache.load(key, points=(-1, 3), sizes=(self.courses + 2,), overlap=(1,))
+            if found is None:
+                made = relax_bound_piece(yarns, cell, length, self.wales, self.courses, progress)
+                found = {
+                    "points": np.concatenate(made.parts),
+                    "sizes": np.array([len(part) for part in made.parts]),
+                    "overlap": np.array([made.overlap]),
+                }
+                cache.store(key, **found)
+            parts = np.split(found["points"], np.cumsum(found["sizes"])[:-1])
+            _pieces.clear()
+            _pieces[key] = BoundPiece(parts, float(found["overlap"][0]))
+        return _pieces[key]
+
+    def _require_plain_ends(self) -> None:
+        """Raise InputError unless the courses can be cast on and bound off."""
+        if self.edges == "joined":
+            raise InputError(
+                "a piece whose sides are joined is not cast on and bound off",
                 key="ends",
                 value=self.ends,
                 cure='Set ends = "cut", or edges = "cut".',
@@ -318,6 +353,12 @@ class Knit(TextileKind):
                 value=self.ends,
                 cure='Set ends = "cut".',
             )
+
+    def both_ends(self, progress: Progress | None = None) -> Ends | None:
+        """Return the relaxed ends of cut sides, in diameters; None if the loops are open."""
+        if self.ends == "cut" or self._turns:
+            return None
+        self._require_plain_ends()
         (yarns, cell, _), length = self.rest(progress), self._stitch_diameters
         key = self._key(f"ends, {self.courses} courses")
         if key not in _ends:
@@ -354,7 +395,7 @@ class Knit(TextileKind):
         joined = (colors[1:] == colors[:-1]).all(axis=1) & self._turns
         if self.ends == "bound":
             colors = np.concatenate([colors[:1], colors, colors[-1:]])
-            joined = np.concatenate([[False], joined, [False]])
+            joined = np.concatenate([[self._turns], joined, [self._turns]])
         return colors, joined
 
     @property
@@ -393,6 +434,13 @@ class Knit(TextileKind):
             repeats = self.wales // len(passes[0].letters)
             rings = repeat_round(tube, [(course // rows, n) for course, n in laid], repeats)
             return [ring * self.scale for ring in rings]
+        if (piece := self.bound_piece(progress)) is not None:
+            begins = np.flatnonzero(~np.append(False, joined))
+            ends_at = np.append(begins[1:], len(piece.parts))
+            return [
+                np.concatenate(piece.parts[begin:end]) * self.scale
+                for begin, end in zip(begins, ends_at, strict=True)
+            ]
         lines = repeat_knit(
             rest.yarns,
             rest.cell,
@@ -431,5 +479,5 @@ class Knit(TextileKind):
 
     def largest_overlap(self, rest: Rest) -> float:
         """Return the largest overlap of the repeat, and of its edges and ends, in diameters."""
-        others = (self.sides(), self.tube(), self.both_ends())
+        others = (self.sides(), self.tube(), self.both_ends(), self.bound_piece())
         return max([rest.overlap, *(each.overlap for each in others if each is not None)])

@@ -82,5 +82,9 @@ def alexander_value(yarns: Sequence[Yarn], crossings: Crossings) -> float:
         add(row, yarn, right, -moved * meridian[upper])
         add(row, upper, int(at), meridian[yarn] - 1.0)
     shape = (int(firsts[-1]),) * 2
-    factors = splu(csc_matrix((values, (rows, columns)), shape=shape))
+    matrix = csc_matrix((values, (rows, columns)), shape=shape)
+    if not periods.any():
+        # The equations of a knot are dependent: any one follows from the others.
+        matrix = matrix[:-1, :-1]
+    factors = splu(matrix)
     return float(np.log(abs(factors.U.diagonal())).sum())

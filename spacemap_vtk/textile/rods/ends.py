@@ -21,12 +21,12 @@ FREE, _HELD = 2, 2
 #: Stages in which ends relax; fewer digits than those of stitches are seen.
 _STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1.
-_TENSION, _CONTACT = 1e3, 1.6e4
+TENSION, CONTACT = 1e3, 1.6e4
 #: Control points of a stitch up to the neck of its loop, and up to where its leg leaves the loop
 #: through which it is pulled.
-_NECK, _LEG = POINTS // 8, 7 * POINTS // 24
+_NECK, LEG = POINTS // 8, 7 * POINTS // 24
 #: Yarn in a stitch of the chain over its length as it is drawn.
-_TIGHT = 0.75
+TIGHT = 0.75
 #: Least wale spacing at which a chain can be drawn [diameters].
 NARROWEST = 2.0
 
@@ -80,7 +80,25 @@ def relax_ends(
         If the yarns do not come to rest.
     """
     step = length / POINTS
-    pitch = cell[0, 0] * POINTS / len(yarns[0].points)
+    require_room(cell[0, 0] * POINTS / len(yarns[0].points))
+    before, after = _row(yarns, cell, -1), _row(yarns, cell, courses)
+    first = [_row(yarns, cell, row) for row in range(FREE + _HELD)]
+    last = [_row(yarns, cell, row) for row in range(courses - FREE - _HELD, courses)]
+    below = _resample(draw_cast_on(before, cell), step)
+    above = _resample(draw_chain(after, cell), step)
+    lower, low = _relax_strip([below, *first], cell, step, step, progress)
+    upper, high = _relax_strip([above, *last[::-1]], cell, step, TIGHT * step, progress)
+    return Ends(
+        lower[0],
+        upper[0],
+        [yarn.points for yarn in lower[1 : FREE + 1]],
+        [yarn.points for yarn in upper[FREE:0:-1]],
+        max(low, high),
+    )
+
+
+def require_room(pitch: float) -> None:
+    """Raise GeometryError if stitches are too narrow for a chain."""
     if pitch < NARROWEST:
         raise GeometryError(
             "stitches are too narrow for a chain that binds them off",
@@ -89,20 +107,6 @@ def relax_ends(
             allowed=f"{NARROWEST:g} diameters or more",
             cure='Give a larger wale_spacing, or set ends = "cut".',
         )
-    before, after = _row(yarns, cell, -1), _row(yarns, cell, courses)
-    first = [_row(yarns, cell, row) for row in range(FREE + _HELD)]
-    last = [_row(yarns, cell, row) for row in range(courses - FREE - _HELD, courses)]
-    below = _resample(_draw_cast_on(before, cell), step)
-    above = _resample(_draw_chain(after, cell), step)
-    lower, low = _relax_strip([below, *first], cell, step, step, progress)
-    upper, high = _relax_strip([above, *last[::-1]], cell, step, _TIGHT * step, progress)
-    return Ends(
-        lower[0],
-        upper[0],
-        [yarn.points for yarn in lower[1 : FREE + 1]],
-        [yarn.points for yarn in upper[FREE:0:-1]],
-        max(low, high),
-    )
 
 
 def _relax_strip(
@@ -118,7 +122,7 @@ def _relax_strip(
     found = relax_yarns(
         yarns,
         strip,
-        RodMechanics(_TENSION * ones, ones, _CONTACT, lengths),
+        RodMechanics(TENSION * ones, ones, CONTACT, lengths),
         np.zeros((2, 3), dtype=bool),
         held=np.concatenate(held),
         stages=_STAGES,
@@ -141,7 +145,7 @@ def _part(yarn: Yarn, cell: Floats, stitch: int, begin: int, end: int) -> Floats
     return np.asarray(yarn.points[index] + period[:, None] * cell[0])
 
 
-def _draw_cast_on(course: Yarn, cell: Floats) -> list[Floats]:
+def draw_cast_on(course: Yarn, cell: Floats) -> list[Floats]:
     """Draw a stitch of the cast-on after the other: its loops are closed, as their legs cross."""
     # The heads of a course, backwards, joined by yarn that crosses itself below each of them.
     count = len(course.points) // POINTS
@@ -160,12 +164,12 @@ def _draw_cast_on(course: Yarn, cell: Floats) -> list[Floats]:
     return stitches
 
 
-def _draw_chain(course: Yarn, cell: Floats) -> list[Floats]:
+def draw_chain(course: Yarn, cell: Floats) -> list[Floats]:
     """Draw a stitch of the chain after the other: each loop through the head of the last one."""
     # The feet of a course. Each head lies to the right, behind the legs of the next stitch.
     count = len(course.points) // POINTS
-    left = [_part(course, cell, k, 0, _LEG) for k in range(count)]
-    right = [_part(course, cell, k, POINTS - _LEG, POINTS - 1) for k in range(count)]
+    left = [_part(course, cell, k, 0, LEG) for k in range(count)]
+    right = [_part(course, cell, k, POINTS - LEG, POINTS - 1) for k in range(count)]
     tops = np.array([(a[-1] + b[0]) / 2 for a, b in zip(left, right, strict=True)])
     top = max(float(part[:, 1].max()) for part in (*left, *right)) + 0.2
     # Links of equal length at one depth, wherever the wales are.

@@ -200,7 +200,7 @@ def relax_selvedges(
         inner[sides[row][0] : -sides[row][1]] = True
         side = 1.0 if row % 2 == 0 else -1.0
         inner, line, above = (each if side > 0 else each[::-1] for each in (inner, line, above))
-        turn = _draw_turn(line[-1], above[-1], side, length / POINTS)
+        turn = draw_turn(line[-1], above[-1], side, length / POINTS)
         points += [line, turn]
         held += [inner, np.zeros(len(turn), dtype=bool)]
     period = np.stack([np.zeros(3), rows // len(yarns) * cell[1]])
@@ -349,7 +349,7 @@ def _course(yarn: Yarn, cell: Floats, starts: Ints, wales: int) -> Floats:
     return np.asarray(yarn.points[index] + period[:, None] * cell[0])
 
 
-def _draw_turn(start: Floats, end: Floats, side: float, step: float) -> Floats:
+def draw_turn(start: Floats, end: Floats, side: float, step: float) -> Floats:
     """Draw the half ellipse by which a yarn turns from the end of a course to the next one."""
     middle, radius = (start + end) / 2, (start - end) / 2
     size = float(np.linalg.norm(radius))
