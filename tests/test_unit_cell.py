@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,15 @@ from spacemap_vtk.cli.main import main
 from spacemap_vtk.cli.options import open_scene
 from spacemap_vtk.datasets.arrays import array_of
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.unit_cell import shear_gradient
+from spacemap_vtk.filters.unit_cell import make_unit_cell, shear_gradient
 from spacemap_vtk.io.formats.unit_cell import STRAIN, write_deck
-from spacemap_vtk.scenes.composite import compute_constants, directional_moduli, unit_cell_model
+from spacemap_vtk.scenes.composite import (
+    compute_constants,
+    directional_moduli,
+    find_unit_cell,
+    unit_cell_model,
+)
+from spacemap_vtk.scenes.composite_map import map_constants
 from spacemap_vtk.unit_cell.homogenise import homogenise, homogenise_plate
 from spacemap_vtk.unit_cell.mixtures import (
     UPPER,
@@ -31,7 +37,13 @@ from spacemap_vtk.unit_cell.mixtures import (
     mori_tanaka,
     turn_stiffness,
 )
-from spacemap_vtk.unit_cell.phases import UnitCellModel, assign_materials, mix_none
+from spacemap_vtk.unit_cell.phases import (
+    UnitCellModel,
+    assign_materials,
+    mix_none,
+    stretch_factors,
+    stretch_voxels,
+)
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise
 from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity, symmetric
 
@@ -394,6 +406,28 @@ def test_cloth_that_is_not_sheared_has_the_same_constants_in_every_cell(tmp_path
     np.testing.assert_allclose(np.linalg.norm(weft, axis=0), 1.0, rtol=1e-12)
 
 
+@pytest.mark.nightly
+@pytest.mark.filterwarnings("ignore")
+def test_a_map_has_the_constants_of_each_cell_of_a_drape() -> None:
+    scene = open_scene("drape", ["unit_cell.voxels=16"])
+    found = map_constants(scene)
+    area = found.stretch.prod(axis=1)
+    assert np.ptp(area) > 0.03
+    stage, patches = find_unit_cell(scene)
+    voxels, spacing = make_unit_cell(stage, patches, 16)
+    for cell in (area.argmin(), area.argmax(), found.shear.argmax(), 7):
+        # Each direction by its own stretch, where the table stretches both alike.
+        along, across = found.stretch[cell]
+        size = np.array([along, across, 1 / (along * across)])
+        turned = voxels.direction * size
+        turned /= np.maximum(np.linalg.norm(turned, axis=-1, keepdims=True), 1e-9)
+        own = replace(voxels, direction=turned)
+        gradient = shear_gradient(np.radians(found.shear[cell]))
+        phases = stage.assign(own, spacing * size, gradient)
+        exact = homogenise(phases, spacing * size)[0].stiffness
+        np.testing.assert_allclose(found.stiffness[cell], exact, rtol=0, atol=5e-3 * exact.max())
+
+
 def test_what_has_no_unit_cell_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     for words, text in (
         (["animal_in_carved_cage"], "has none"),
@@ -425,3 +459,28 @@ def test_a_sheared_cell_of_layers_is_exact() -> None:
     turned = symmetric(turn_stiffness(YARN, lean[None])[:, 0])
     exact = laminate(turned, EPOXY.stiffness, 0.5, [0.0, 0.0, 1.0])
     np.testing.assert_allclose(found.stiffness, exact, rtol=0, atol=1e-13 * exact.max())
+
+
+def test_a_stretched_cell_is_exact() -> None:
+    # Layers of inclined fibres and of matrix; (1.2, 1.2, 1 / 1.44) tilts the fibres down.
+    share = np.zeros((8, 4, 4))
+    share[:3] = 1.0
+    number = np.where(share > 0, 0, -1).astype(np.int32)
+    axis = np.broadcast_to([0.6, 0.0, 0.8], (*share.shape, 3))
+    voxels = Voxels(share, number, axis, np.ones_like(share), 0.0)
+    packings = []
+
+    def yarn(area: float) -> Constituent:
+        packings.append(area)
+        return YARN
+
+    stretched, size = stretch_voxels(voxels, 1.44), stretch_factors(1.44)
+    found, _ = homogenise(
+        assign_materials(stretched, size, yarn, EPOXY, np.float64), size, tolerance=1e-8
+    )
+    tilted = np.array([0.6 * 1.2, 0.0, 0.8 / 1.44])
+    turned = turn_stiffness(YARN, tilted[None] / np.linalg.norm(tilted))[:, 0]
+    exact = laminate(symmetric(turned), EPOXY.stiffness, 3 / 8, [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(found.stiffness, exact, rtol=0, atol=1e-13 * exact.max())
+    assert size.prod() == pytest.approx(1.0, rel=1e-14)
+    assert packings == [1.0]

@@ -104,7 +104,8 @@ class CompositeMapJob(Job):
             self.write_output(context, "surface", map_as_surface(found))
         context.progress(_STEPS, _STEPS)
         angles = ", ".join(f"{angle:.0f}°" for angle in found.angles)
-        return f"{len(found.shear)} cells, from cells sheared by {angles}"
+        areas = ", ".join(f"{area:.1%}" for area in found.areas)
+        return f"{len(found.shear)} cells, from cells sheared by {angles} with areas of {areas}"
 
 
 @register()

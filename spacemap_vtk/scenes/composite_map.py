@@ -26,10 +26,13 @@ from spacemap_vtk.scenes.composite import find_unit_cell
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.homogenise import homogenise
 from spacemap_vtk.unit_cell.mixtures import UPPER
+from spacemap_vtk.unit_cell.phases import stretch_factors, stretch_voxels
 from spacemap_vtk.unit_cell.voxel_elasticity import symmetric
 
 #: Largest step of the shear angle in the table [degrees].
 _STEP = 10.0
+#: Range of the stretch of area from which on the table has two of them.
+_AREA_RANGE = 0.01
 #: Largest shear angle of a unit cell [degrees].
 _MOST = 75.0
 
@@ -56,6 +59,8 @@ class CompositeMap:
     """Thickness of the composite, of yarns that keep their volume [m], (cells,)."""
     angles: Floats
     """Shear angles of the table [degrees]."""
+    areas: Floats
+    """Stretches of area of the table, one or two."""
 
 
 def map_constants(
@@ -97,19 +102,26 @@ def map_constants(
     angles = np.linspace(low, high, max(2, 1 + int(np.ceil((high - low) / _STEP))))
     if high - low < 1e-6:
         angles = np.array([low, low + 1.0])
-    table = []
-    for number, angle in enumerate(angles.tolist()):
+    area = stretch.prod(axis=1)
+    areas = np.array([area.min(), area.max()])
+    if np.ptp(areas) < _AREA_RANGE:
+        areas = area.mean(keepdims=True)
+    table = np.empty((len(areas), len(angles), len(UPPER[0])))
+    for number, (row, column) in enumerate(np.ndindex(*table.shape[:2])):
 
         def report(share: float, number: int = number) -> None:
             if progress is not None:
-                progress((number + share) / len(angles))
+                progress((number + share) / (len(areas) * len(angles)))
 
-        gradient = shear_gradient(np.radians(angle))
-        phases = stage.assign(voxels, spacing, gradient)
-        table.append(homogenise(phases, spacing, report_progress=report)[0].stiffness[UPPER])
-    stiffness = symmetric(CubicSpline(angles, np.array(table))(shear))
+        cell = stretch_voxels(voxels, float(areas[row]))
+        size = spacing * stretch_factors(float(areas[row]))
+        phases = stage.assign(cell, size, shear_gradient(float(np.radians(angles[column]))))
+        found = homogenise(phases, size, report_progress=report)[0]
+        table[row, column] = found.stiffness[UPPER]
+    upper = CubicSpline(angles, table, axis=1)(shear)
+    share = (area - areas[0]) / (areas[-1] - areas[0]) if len(areas) > 1 else np.zeros_like(area)
+    stiffness = symmetric(upper[0] + share[:, None] * (upper[-1] - upper[0]))
     height = spacing[2] * len(voxels.fraction)
-    area = stretch.prod(axis=1) * np.cos(np.radians(shear))
     return CompositeMap(
         surface.to_nodes(rest + moved)[:count],
         surface.quads,
@@ -118,8 +130,9 @@ def map_constants(
         stretch,
         shear,
         stiffness,
-        height / area,
+        height / (area * np.cos(np.radians(shear))),
         angles,
+        areas,
     )
 
 

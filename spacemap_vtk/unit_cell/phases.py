@@ -213,6 +213,44 @@ def list_materials(model: UnitCellModel) -> tuple[NDArray[np.int32], Floats, Flo
     return numbers, found[:, 0] * _AREA_STEP, mean
 
 
+def stretch_factors(area: float) -> Floats:
+    """Compute by what a cell grows along x, y and z.
+
+    Parameters
+    ----------
+    area : float
+        Stretch of its area, which is equal in all directions; the volume is kept.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Factors.
+    """
+    return np.array([area**0.5, area**0.5, 1 / area])
+
+
+def stretch_voxels(voxels: Voxels, area: float) -> Voxels:
+    """Turn the fibres of a cell as its stretch does.
+
+    Parameters
+    ----------
+    voxels : Voxels
+        Share, number and direction of yarns.
+    area : float
+        Stretch of its area.
+
+    Returns
+    -------
+    Voxels
+        Voxels whose size has the factors of `stretch_factors`. Yarns and fibres keep their volumes,
+        and so their shares.
+    """
+    turned = voxels.direction * stretch_factors(area)
+    length = np.linalg.norm(turned, axis=-1, keepdims=True)
+    turned = np.divide(turned, length, out=np.zeros_like(turned), where=length > 0)
+    return replace(voxels, direction=turned)
+
+
 def strain_map(gradient: Floats) -> Floats:
     """Return the matrix T (6, 6) of ε = T (FᵀεF), with engineering shear strains."""
     inverse = np.linalg.inv(gradient)
