@@ -151,7 +151,7 @@ def test_stripes_of_a_piece_with_all_edges_are_yarns_of_their_own():
 def test_a_large_piece_with_all_edges_is_refused_with_the_cure():
     with pytest.raises(InputError, match="too large") as refused:
         Knit(wales=30, courses=30, edges="turned", ends="bound").bound_piece()
-    assert "400" in refused.value.allowed
+    assert "256" in refused.value.allowed
 
 
 @pytest.mark.nightly

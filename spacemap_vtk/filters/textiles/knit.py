@@ -43,8 +43,8 @@ from spacemap_vtk.textile.rods.yarns import Yarn
 STITCH = 16.0
 #: Least number of stitches round a tube.
 LEAST_ROUND = 8
-#: Most stitches of a piece of one yarn, of which all edges relax at once.
-MOST_BOUND = 400
+#: Most stitches of a piece of one yarn, of which all edges relax at once, in two minutes.
+MOST_BOUND = 256
 #: The tube that was relaxed last, by digest.
 _tubes: dict[str, Rolled] = {}
 #: The selvedges that were relaxed last, by digest.
