@@ -100,7 +100,7 @@ def a_drape(scene: Scene) -> None:
     weight = np.outer(model.nodal_mass, scene.modal.gravity).ravel()
     left = np.where(model.free, weight - model.forces, 0.0)
     assert np.abs(left).max() < 1e-6 * np.abs(weight).max()
-    figures = report.report_modes(scene)
+    figures = report.report_modes(scene, True)
     assert figures["modes"][0]["frequency_hz"] > 0.1  # stable
     lengths = figures["sheet"]["bending_length"]
     corners = flat[surface.quads]
@@ -127,10 +127,9 @@ def a_drape(scene: Scene) -> None:
     disc, cloth = math.pi * 0.125**2, 0.6 * 0.75
     found = figures["hung"]["drape_coefficient"]
     assert found == pytest.approx((shadow - disc) / (cloth - disc))
-    # The figure hardly depends on cells that are at most half as wide as the bending length; of
-    # wider ones a warning tells how much it does.
-    assert (figures["hung"]["drape_coefficient_error"] < 0.05 * found) == fine
-    assert any("drape coefficient" in text for text in figures["warnings"]) != fine
+    # 112 x 144 cells give 10.5 %. Each of these states has folds of its own, which the error shows.
+    assert abs(found - 0.105) < figures["hung"]["drape_coefficient_error"]
+    assert "the drape coefficient" in figures["unconverged"]
 
 
 def a_cloth_whose_warp_carries_it(scene: Scene) -> None:
