@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 from scipy.spatial.transform import Rotation
+from unit_cells import phases_without_mixing
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.cli.options import open_scene
@@ -20,7 +21,7 @@ from spacemap_vtk.io.formats.unit_cell import STRAIN
 from spacemap_vtk.scenes.composite import unit_cell_model
 from spacemap_vtk.unit_cell.homogenise import homogenise
 from spacemap_vtk.unit_cell.mixtures import UPPER
-from spacemap_vtk.unit_cell.phases import DIRECTION_STEP, Phases, UnitCellModel, mix_none
+from spacemap_vtk.unit_cell.phases import DIRECTION_STEP, Phases, UnitCellModel
 from spacemap_vtk.unit_cell.voxel_elasticity import symmetric
 
 yaml = pytest.importorskip("yaml")  # comes with myst-parser
@@ -50,12 +51,12 @@ def from_mandel(rows: np.ndarray) -> np.ndarray:
 def phases_of(model: UnitCellModel, stiffness: np.ndarray) -> Phases:
     """Return materials of voxels from their stiffnesses (nz, ny, nx, 6, 6)."""
     upper = np.ascontiguousarray(stiffness[..., UPPER[0], UPPER[1]].transpose(0, 1, 3, 2))
-    return Phases(upper, mix_none(model).thermal_stress, 0.0)
+    return Phases(upper, phases_without_mixing(model).thermal_stress, 0.0)
 
 
 def compare(model: UnitCellModel, stiffness: np.ndarray) -> None:
     """Compare stiffnesses of voxels (nz, ny, nx, 6, 6) with those of their own directions."""
-    exact = mix_none(model)
+    exact = phases_without_mixing(model)
     own = symmetric(exact.stiffness.transpose(0, 1, 3, 2))
     # A turn by α changes a stiffness by at most about 4 sin α of its largest entry; the directions
     # of a class differ by at most a step each in azimuth and in elevation.

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
+from unit_cells import phases_without_mixing
 
 from spacemap_vtk import UnitCell, WeaveSource, connect
 from spacemap_vtk.cli.main import main
@@ -40,7 +41,6 @@ from spacemap_vtk.unit_cell.mixtures import (
 from spacemap_vtk.unit_cell.phases import (
     UnitCellModel,
     assign_materials,
-    mix_none,
     stretch_factors,
     stretch_voxels,
 )
@@ -302,7 +302,7 @@ def test_calculix_finds_the_same_stiffness_from_the_deck(
         main(["unit-cell", "plain_weave", *sets, "-o", str(tmp_path / "cell.inp"), "-q"])
     assert end.value.code == 0
     model = unit_cell_model(open_scene("plain_weave", words))
-    exact = homogenise(mix_none(model), model.spacing, 8, 1e-6)[0].stiffness
+    exact = homogenise(phases_without_mixing(model), model.spacing, 8, 1e-6)[0].stiffness
     found = run_calculix(tmp_path / "cell.inp")
     np.testing.assert_allclose(found, exact, rtol=0, atol=2e-7 * exact.max())
 

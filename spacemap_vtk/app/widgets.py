@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QBoxLayout,
     QComboBox,
     QHBoxLayout,
+    QHeaderView,
     QLabel,
     QLayout,
     QSpinBox,
@@ -159,6 +160,18 @@ def table(name: str, headings: Sequence[str]) -> QTableWidget:
     widget.verticalHeader().hide()
     widget.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     widget.setShowGrid(False)
+    return widget
+
+
+def results_table(headings: Sequence[str]) -> QTableWidget:
+    """Create a read-only table with narrow rows, whose columns are as wide as their texts."""
+    widget = QTableWidget(0, len(headings))
+    widget.setHorizontalHeaderLabels(headings)
+    widget.verticalHeader().hide()
+    widget.verticalHeader().setDefaultSectionSize(22)
+    widget.setShowGrid(False)
+    widget.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    widget.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
     return widget
 
 

@@ -326,7 +326,7 @@ class TransientResponse(LoadParameters, Stage):
         ]
 
     def _rings(self, motion: SteppedMotion) -> bool:
-        """Return whether steps are short because cloth that becomes slack or taut rings."""
+        """Return whether many steps were halved because undamped yarns become slack and taut."""
         plate = motion.model.plate
         if plate is None or plate.law is None or self.damping.beta or np.any(self.damping.ratio):
             return False

@@ -164,13 +164,6 @@ def pure_voxels(voxels: Voxels) -> dict[str, NDArray[np.bool_]]:
     return {"yarns": voxels.fraction > 1 - _PURE, "matrix": voxels.fraction < _PURE}
 
 
-def mix_none(model: UnitCellModel, dtype: type = np.float64) -> Phases:
-    """Give each voxel one material, that of the larger share, as in the decks of other solvers."""
-    pure = np.where(model.voxels.fraction >= 0.5, 1.0, 0.0)
-    voxels = replace(model.voxels, fraction=pure)
-    return assign_materials(voxels, model.spacing, model.yarn, model.matrix, dtype, model.gradient)
-
-
 def list_materials(model: UnitCellModel) -> tuple[NDArray[np.int32], Floats, Floats]:
     """Number the materials of the voxels, each of the larger share, in classes of direction.
 

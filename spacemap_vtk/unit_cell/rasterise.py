@@ -152,9 +152,9 @@ def _cross(
             turned = np.sign(double[some])[:, None]
             weights = []
             for k in range(3):
-                start_, end = corners[(k + 1) % 3, some, None], corners[(k + 2) % 3, some, None]
-                edge = (end - start_) * turned[..., None]
-                away = line * _GRID - start_
+                begin, end = corners[(k + 1) % 3, some, None], corners[(k + 2) % 3, some, None]
+                edge = (end - begin) * turned[..., None]
+                away = line * _GRID - begin
                 weight = edge[..., 0] * away[..., 1] - edge[..., 1] * away[..., 0]
                 # A line on an edge belongs to the triangle on the same side of it.
                 ours = (edge[..., 1] < 0) | ((edge[..., 1] == 0) & (edge[..., 0] > 0))

@@ -11,19 +11,17 @@ from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
-    QHeaderView,
     QMenu,
     QProgressBar,
     QPushButton,
     QSlider,
     QSplitter,
-    QTableWidget,
     QTableWidgetItem,
     QWidget,
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row
+from spacemap_vtk.app.widgets import column, is_dark, narrow, note, results_table, row
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.slices import in_slices
 from spacemap_vtk.cancel import Cancelled
@@ -121,13 +119,7 @@ class CompositeTab(QWidget):
             box.currentIndexChanged.connect(self._draw)
         self.progress_bar = QProgressBar(maximum=0, textVisible=False)
         self.notes = note(_HINT)
-        self.table = QTableWidget(0, len(_HEADINGS))
-        self.table.setHorizontalHeaderLabels(_HEADINGS)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(22)
-        self.table.setShowGrid(False)
-        self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
-        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.table = results_table(_HEADINGS)
         #: Created with the first result, because importing matplotlib takes time.
         self.canvas: FigureCanvasQTAgg | None = None
         self.result: tuple[Composite, UnitCellModel] | None = None

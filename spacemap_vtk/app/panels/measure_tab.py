@@ -11,18 +11,16 @@ from PySide6.QtCore import QEvent, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QHeaderView,
     QMenu,
     QProgressBar,
     QPushButton,
     QSplitter,
-    QTableWidget,
     QTableWidgetItem,
     QWidget,
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row
+from spacemap_vtk.app.widgets import column, is_dark, narrow, note, results_table, row
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.slices import in_slices
 from spacemap_vtk.cancel import Cancelled
@@ -89,13 +87,7 @@ class MeasureTab(QWidget):
         self.save_button.setMenu(menu)
         self.progress_bar = QProgressBar(maximum=0, textVisible=False)
         self.hint, self.notes = note(), note()
-        self.table = QTableWidget(0, len(_HEADINGS))
-        self.table.setHorizontalHeaderLabels(_HEADINGS)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(22)
-        self.table.setShowGrid(False)
-        self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
-        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.table = results_table(_HEADINGS)
         #: Created with the first measurement, because importing matplotlib takes time.
         self.canvas: FigureCanvasQTAgg | None = None
         self.result: TestResult | None = None

@@ -94,7 +94,7 @@ class PlotsTab(QWidget):
         self.component = QComboBox(toolTip="Component of the motion, force or moment")
         self.component.addItems(["along x", "along y", "along z", "magnitude"])
         self._component_is_chosen = False
-        #: Choices for forces and moments: whose they are, and the abscissa.
+        #: For forces and moments: the body on which they act, and the abscissa of the plot.
         self.body = QComboBox(toolTip="Support, grip or obstacle that holds the cloth")
         self.abscissa = QComboBox(toolTip="Abscissa of forces and moments")
         self.clear_button = QPushButton("Clear points")

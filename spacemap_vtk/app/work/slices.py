@@ -74,7 +74,7 @@ class _SliceToken(CancelToken):
         self._started = time.perf_counter()
 
     def give_turn(self) -> bool:
-        """Let the work go on for a slice; return whether there is more of it."""
+        """Run the work for one slice, and return whether it is unfinished."""
         if not self._is_done:
             self._turn.release()
             self._pause.acquire()

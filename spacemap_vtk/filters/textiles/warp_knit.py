@@ -123,7 +123,7 @@ class WarpKnit(TextileKind):
 
     @property
     def _repeat(self) -> tuple[int, int]:
-        """Wales and courses of a repeat."""
+        """Numbers of wales and courses of a repeat."""
         bars = self.bars
         return lcm(*(len(bar.threads) for bar in bars)), lcm(*(len(bar.laps) for bar in bars))
 

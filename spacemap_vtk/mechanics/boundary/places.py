@@ -150,7 +150,7 @@ def find_vertices(
     vertices : ndarray of float64, shape (V, 3)
         Vertices of the mesh [m].
     place : Place
-        The place.
+        Side, box, sphere or mask.
     masks : callable, optional
         Function from the name of a point array to its values.
     what : str, optional
@@ -243,14 +243,14 @@ def find_spans(
 
 
 def ends_between_vertices(vertices: Floats, place: Place) -> bool:
-    """Tell whether a box ends between vertices, so that it holds less than it contains.
+    """Return whether a box ends between vertices, so that it holds less than it contains.
 
     Parameters
     ----------
     vertices : ndarray of float64, shape (V, 3)
         Vertices of the mesh [m].
     place : Place
-        The place.
+        Side, box, sphere or mask.
 
     Returns
     -------

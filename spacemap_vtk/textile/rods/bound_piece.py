@@ -37,7 +37,7 @@ _MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 class BoundPiece(NamedTuple):
-    """Yarn of a whole piece."""
+    """A relaxed piece of knitting that is one yarn from the cast-on to the bind-off."""
 
     parts: list[Floats]
     """(k, 3) Control points of the cast-on, of each course and of the chain, each with the turn

@@ -178,7 +178,8 @@ def _draw_loop(held: Floats, foot: float, above: int, wider: float) -> Floats:
     # Heads are wider, not necks, which must fit through the heads of others.
     spread = np.sign(t) * abs(np.sin(t)) ** np.where(abs(t) > np.pi / 2, 8, 1)
     x = t / (2 * np.pi) + _NECK * np.sin(2 * t) + above * wider * spread + lift * held[0]
-    # Not the mirror image of what leans the other way, so that no corners lie on each other.
+    # A loop that leans to the right is bent a little, so that its corners do not coincide with
+    # those of a loop that leans to the left.
     x += 0.02 * max(held[0], 0.0) * np.sin(np.pi * lift)
     size = np.where(abs(t) > np.pi / 2, _HEIGHT - foot, _HEIGHT)
     return np.column_stack([x, size * np.cos(t) + lift * (held[1] + above * _HIGHER), 0 * x])

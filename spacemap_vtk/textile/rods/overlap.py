@@ -1,4 +1,4 @@
-"""The largest overlap of yarns, between their samples, too."""
+"""Compute the largest overlap of yarns, also between their samples."""
 
 from __future__ import annotations
 

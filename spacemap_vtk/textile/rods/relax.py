@@ -191,7 +191,7 @@ class _Search:
             share = safe
             for _ in range(TRIES):
                 z = state.z + share * step.move
-                trial = energy.evaluate(z, near.at(z), stage.thickness)
+                trial = energy.evaluate(z, near.update(z), stage.thickness)
                 change, slope = trial.energy - state.energy, share * step.slope
                 if change <= 1e-4 * slope + 1e-14 * abs(state.parts).sum():
                     break
@@ -259,8 +259,8 @@ class _Near:
         self.pairs = self._energy.pairs_within(z, self._reach + self._margin)
         self._start = self._last = z
 
-    def at(self, z: Floats) -> ImagePairs:
-        """Return the pairs in another place, found again if samples may have approached."""
+    def update(self, z: Floats) -> ImagePairs:
+        """Return the pairs after a move; search again if other samples may be near by now."""
         step, self._last = self._approach(z - self._last), z
         if self._approach(z - self._start) > self._margin:
             self._find(z, float(np.clip(4 * step / self._diameter, LEAST_MARGIN, MARGIN)))

@@ -192,7 +192,7 @@ def draw_warp_knit(
             key="laps",
             cure="Use shorter underlaps, or one guide bar",
         )
-    # Wales that no underlap joins have no spacing of their own.
+    # Without underlaps between wales nothing determines the wale spacing.
     is_joined = any(len(set(one.needles)) > 1 for one in drawn)
     free = np.zeros((2, 3), dtype=bool)
     free[[0, 1], [0, 1]] = [spacings[0] is None and is_joined, spacings[1] is None]
