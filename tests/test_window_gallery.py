@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from PySide6.QtGui import QColor, QImage  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QMessageBox  # noqa: E402
 
+from spacemap_vtk.app.documents.file_thumbnails import thumbnail_of  # noqa: E402
 from spacemap_vtk.app.splash import Splash  # noqa: E402
 from spacemap_vtk.app.work.pipeline import Pipeline  # noqa: E402
 from spacemap_vtk.cancel import Cancelled  # noqa: E402
@@ -53,10 +57,11 @@ def test_starting_without_a_scene_shows_plain_weave_and_the_gallery(open_window:
     assert window.document.source.stem == "plain_weave"
     assert window.view.image().std() > 20
     assert window.tabs.currentWidget() is window.gallery
-    assert window.gallery.list.count() == len(library.names())
+    items = window.gallery.list.thumbnails
+    assert sorted(item.data(Qt.ItemDataRole.UserRole) for item in items) == library.names()
     # The thumbnails are coloured; a missing one would be a grey card.
-    for k in range(window.gallery.list.count()):
-        image = window.gallery.list.item(k).icon().pixmap(96, 64).toImage()
+    for item in items:
+        image = item.icon().pixmap(96, 64).toImage()
         colors = {image.pixel(x, y) for x in range(0, 96, 4) for y in range(0, 64, 4)}
         assert len(colors) > 20
 
@@ -78,13 +83,13 @@ def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
     at = item_position(window, "twill_2_2")
     if how == "keyboard":
         pictures.setFocus()
-        pictures.setCurrentRow(0)
-        row = library.names().index("twill_2_2")
-        while pictures.currentRow() != row:
+        pictures.setCurrentItem(pictures.thumbnails[0])
+        while pictures.currentItem().data(Qt.ItemDataRole.UserRole) != "twill_2_2":
             before = pictures.currentRow()
             QTest.keyClick(pictures, Qt.Key.Key_Right)
             if pictures.currentRow() == before:
                 QTest.keyClick(pictures, Qt.Key.Key_Down)
+                QTest.keyClick(pictures, Qt.Key.Key_Home)
             assert pictures.currentRow() != before
         QTest.keyClick(pictures, Qt.Key.Key_Return)
     else:
@@ -110,20 +115,78 @@ def test_opening_a_scene_asks_about_unsaved_changes(
     assert window.document.scene.source.ends == 5
 
 
-@pytest.mark.nightly
-def test_recent_files_are_listed(open_scene: Any, tmp_path: Path) -> None:
-    window = open_scene(None)
-    assert window.gallery.recent.isHidden()
-    window.document.save(tmp_path / "mine.toml")
-    window.files.load(str(tmp_path / "mine.toml"))
-    window.files.load("gust")
-    item = window.gallery.recent.item(0)
-    assert item.toolTip().endswith("gust.toml")
-    assert window.gallery.recent.item(1).text() == "mine.toml"
-    at = window.gallery.recent.visualItemRect(window.gallery.recent.item(1)).center()
-    QTest.mouseClick(window.gallery.recent.viewport(), Qt.MouseButton.LeftButton, pos=at)
+def shown_scenes(window: Any) -> list[str]:
+    items = [item for item in window.gallery.list.thumbnails if not item.isHidden()]
+    return [item.data(Qt.ItemDataRole.UserRole) for item in items]
+
+
+def test_search_shows_matching_scenes_and_enter_opens_the_first(open_scene: Any) -> None:
+    window = open_scene()
+    window.tabs.setCurrentWidget(window.gallery)
+    QTest.keyClicks(window.gallery.search, "knits fair")
+    assert shown_scenes(window) == ["fair_isle"]
+    window.gallery.search.setText("twill 2/2")
+    assert "twill_2_2" in shown_scenes(window)
+    QTest.keyClick(window.gallery.search, Qt.Key.Key_Return)
     wait_until(lambda: settled(window))
-    assert window.document.file == tmp_path / "mine.toml"
+    assert window.document.example_name == shown_scenes(window)[0]
+    window.gallery.search.setText("no such scene")
+    assert shown_scenes(window) == []
+    assert window.gallery.nothing.isVisible()
+    window.gallery.search.clear()
+    assert shown_scenes(window)[-1] in library.names()
+
+
+def test_recent_draft_has_a_thumbnail_and_opens_on_its_draft(
+    open_window: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SPACEMAP_CACHE", str(tmp_path / "cache"))
+    file = tmp_path / "mine.wif"
+    shutil.copy(library.folder() / "drafts/basket_weave.wif", file)
+    window = open_window(None)
+    assert set(shown_scenes(window)) == set(library.names())
+    window.files.load(str(file))
+    wait_until(lambda: settled(window))
+    assert window.tabs.currentWidget() is window.draft
+    assert shown_scenes(window)[0] == str(file)
+    # The thumbnail is a picture of the view, and covers the view at once when the file is reopened.
+    drawn = window.view.image().std()
+    stored = thumbnail_of(file)
+    assert stored is not None
+    image = QImage(str(stored))
+    assert (image.width(), image.height()) == thumbnails.SIZE
+    levels = [image.pixelColor(x, 160).lightness() for x in range(0, 480, 4)]
+    assert np.std(levels) > 0.3 * drawn
+    window.files.load("gust")  # the program's own scenes are not listed twice
+    assert shown_scenes(window)[0] == str(file)
+    window.files.load(str(file))
+    assert window.view.preview.isVisible()
+    wait_until(lambda: settled(window))
+    assert not window.view.preview.isVisible()
+    os.utime(file, (time.time() + 60, time.time() + 60))  # another program has changed it
+    assert thumbnail_of(file) is None
+
+
+@pytest.mark.parametrize(
+    ("tab", "section"),
+    [
+        ("modes", "response"),
+        pytest.param("plots", "response", marks=NIGHTLY),
+        pytest.param("pull", "yarns", marks=NIGHTLY),
+    ],
+)
+def test_button_in_an_empty_tab_adds_its_stage(open_scene: Any, tab: str, section: str) -> None:
+    window = open_scene("twill_2_2")
+    before = window.document.text
+    panel = getattr(window, tab)
+    window.tabs.setCurrentWidget(panel)
+    wait_until(panel.add_button.isVisible)
+    QTest.mouseClick(panel.add_button, Qt.MouseButton.LeftButton)
+    wait_until(lambda: settled(window) and not panel.add_button.isVisible())
+    assert section in window.document.scene.given_sections
+    window.document.history.undo()
+    assert window.document.text == before
+    wait_until(lambda: settled(window) and panel.add_button.isVisible())
 
 
 def test_splash_screen_closes_when_the_window_has_drawn(open_window: Any) -> None:
@@ -185,11 +248,13 @@ def test_scroll_bar_of_the_gallery_is_drawn_completely(open_scene: Any, dark: bo
 def test_late_thumbnails_are_drawn_completely(open_window: Any) -> None:
     window = open_window("plain_weave")
     window.tabs.setCurrentWidget(window.gallery)
-    pictures = window.gallery.list
-    wait_until(lambda: not pictures.item(0).icon().isNull())
+    pictures, name = window.gallery.list, Qt.ItemDataRole.UserRole
+    animal = next(i for i in pictures.thumbnails if i.data(name) == "animal_in_carved_cage")
+    wait_until(lambda: not animal.icon().isNull())
+    pictures.scrollToItem(animal)
     QTest.qWait(100)
     picture = pictures.viewport().grab().toImage()
-    icon, cell = pictures.iconSize(), pictures.visualItemRect(pictures.item(0))
+    icon, cell = pictures.iconSize(), pictures.visualItemRect(animal)
     # Once only a strip was drawn, as high as an item without a picture.
     assert cell.height() > icon.height()
     x, y = cell.center().x(), cell.top()

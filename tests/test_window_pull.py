@@ -135,15 +135,16 @@ def test_map_follows_a_changed_cloth_and_keeps_the_stretch(open_scene: Any) -> N
     wait_until(lambda: np.array_equal(pad.map.force, before.force))
 
 
-def test_link_adds_the_section_yarns(open_scene: Any) -> None:
+def test_button_adds_crimp_interchange(open_scene: Any) -> None:
     window = open_scene()
     window.tabs.setCurrentWidget(window.pull)
-    assert "[yarns]" in window.pull.hint.text()
+    assert window.pull.add_button.isVisible()
     assert window.pull.map.map is None
     QTest.mouseClick(window.pull.map, Qt.MouseButton.LeftButton, pos=QPoint(90, 90))
     assert window.view.frame.mode is None
-    window.pull.hint.linkActivated.emit("yarns")  # as a click on the link does
+    QTest.mouseClick(window.pull.add_button, Qt.MouseButton.LeftButton)
     wait_until(lambda: settled(window) and window.pull.map.map is not None)
+    assert not window.pull.add_button.isVisible()
     assert window.stages.states["yarns"] == "fresh"
     window.document.history.undo()
     wait_until(lambda: settled(window) and window.pull.map.map is None)

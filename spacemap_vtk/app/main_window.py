@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.documents.file_thumbnails import save_thumbnail, thumbnail_of
 from spacemap_vtk.app.documents.files import FileCommands
 from spacemap_vtk.app.draft.chart_tab import ChartTab, is_knit
 from spacemap_vtk.app.draft.draft_tab import DraftTab
@@ -68,6 +69,8 @@ _MAX_PROGRESS = 99
 _MESSAGE_TIME = 10_000
 #: Smallest width of the window in pixels, less than all its panels need together.
 _MIN_WIDTH = 690
+#: Share of the window's width for the gallery at the first start.
+_GALLERY = 0.36
 #: Factor by which one key press makes lines and points thicker.
 _THICKNESS_STEP = 1.25
 #: Text of the link that switches the stage on; it uses the name from the list of stages.
@@ -93,6 +96,8 @@ class MainWindow(QMainWindow):
         self.view_options = ViewOptions(axes_clickable=True)
         #: The last value of ``view.show`` that showed both fabric and cage.
         self._shown_together = "both"
+        #: The scene whose thumbnail was saved last.
+        self._thumbnail_generation = 0
         self.view = View3D(self.view_options)
         self.times = TimeBar()
         self.stages = StageList()
@@ -150,9 +155,13 @@ class MainWindow(QMainWindow):
         self.engine.start()
 
     def start(self, scene: str | None) -> None:
-        """Open the first scene."""
+        """Open the first scene; without one, show the gallery."""
         self.gallery.show_recent(self.files.recent)
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
+        if scene is None and QSettings().value("columns") is None:
+            # At first, room for several columns of thumbnails.
+            left, tabs = self.splitter.widget(0).minimumWidth(), round(_GALLERY * self.width())
+            self.splitter.setSizes([left, self.width() - left - tabs, tabs])
         self.document.open(scene or "plain_weave")
 
     def report(self, kind: str, error: BaseException) -> None:
@@ -279,6 +288,8 @@ class MainWindow(QMainWindow):
         self.stages.switched.connect(self._switch_stage)
         self.stages.set_eye_actions(self.tools.eye_actions)
         self.properties.switched_on.connect(self._switch_stage)
+        for tab in (self.modes, self.plots, self.pull):
+            tab.add_button.requested.connect(self._switch_stage)
         self.document.side_effects.connect(self._show_message)
         self.properties.dragging.connect(self.director.set_dragging)
         self._connect_errors()
@@ -487,8 +498,12 @@ class MainWindow(QMainWindow):
     def _clear_status(self) -> None:
         self.modes.clear()
         self.figures.clear()
-        example = self.document.example_name
-        self.view.preview.begin(thumbnails.file_of(example) if example else None)
+        example, source = self.document.example_name, self.document.source
+        self.view.preview.begin(
+            thumbnails.file_of(example) if example else source and thumbnail_of(source)
+        )
+        if self.document.opened_draft is not None:
+            self.tabs.setCurrentWidget(self.draft)
         self.status_text.show_text("")  # clear the text about the former scene
         self.status_text.setToolTip("")
         self.details_button.hide()
@@ -526,10 +541,20 @@ class MainWindow(QMainWindow):
             gravity = self._hanging_values.get("gravity", self.document.scene.modal.gravity)
             self.properties.set_bounds(frame.surface.GetBounds(), gravity)
             self.properties.show_results("modal", solver_results(frame.cage), frame.in_use)
+        if not frame.coarse and frame.generation != self._thumbnail_generation:
+            self._save_thumbnail(frame)
         # If only the camera has moved, keep the text about a picked point.
         if not frame.coarse and _frame_key(frame) != self._pick_key:
             self._pick_key = None
             self._show_status(frame)
+
+    def _save_thumbnail(self, frame: Frame) -> None:
+        """Save the first picture of a file of the user's, for the list of recent files."""
+        self._thumbnail_generation, file = frame.generation, self.document.source
+        if file is None or self.document.example_name or not self.document.history.isClean():
+            return
+        if save_thumbnail(file, self.view.canvas.grabFramebuffer()):
+            self.gallery.update_recent()
 
     def _show_pick(self, pick: Pick) -> None:
         """Describe a picked point in the status line."""

@@ -52,8 +52,9 @@ Editor[bad="true"] QComboBox, QLineEdit[bad="true"] {{
 QWidget#error {{ background: {bad_back}; border-bottom: 1px solid {bad}; }}
 QTreeWidget#stages {{ border: none; border-bottom: 1px solid {line}; }}
 QToolButton:checked {{ background: {check}; border-radius: 4px; }}
-QListWidget#gallery::item {{ padding: 4px; border-radius: 6px; }}
-QListWidget#gallery::item:hover, QListWidget#recent::item:hover {{ background: {check}; }}
+QListWidget#gallery::item {{ padding: 2px; border-radius: 6px; }}
+QListWidget#gallery::item:disabled {{ background: transparent; color: {text}; }}
+QListWidget#gallery::item:hover {{ background: {check}; }}
 QListWidget#gallery::item:selected {{ background: {check}; color: {text}; }}
 QPushButton#side {{ padding: 3px 2px; }}
 QPushButton#side:checked {{ background: {check}; border: 1px solid {accent}; border-radius: 4px; }}

@@ -1,4 +1,4 @@
-"""The tab of scenes: thumbnails of the program's scenes, and recent files."""
+"""The tab of scenes: recent files and the program's scenes in groups, each with its thumbnail."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEv
 from PySide6.QtWidgets import (
     QFrame,
     QLabel,
+    QLineEdit,
     QListView,
     QListWidget,
     QListWidgetItem,
@@ -16,19 +17,30 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from spacemap_vtk.app.documents.file_thumbnails import thumbnail_of
 from spacemap_vtk.app.widgets import column, note, row
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
 #: Smallest width of a thumbnail, in pixels.
-_MIN_WIDTH = 140
+_MIN_WIDTH = 112
 #: Height of a thumbnail over its width.
 _ASPECT = 2 / 3
+#: Space between two thumbnails, in pixels.
+_GAP = 8
+#: Most lines of a title.
+_LINES = 3
+#: Most recent files.
+_MOST_RECENT = 6
+_RECENT = "Recent files"
+_HINT = "Click a scene to open it, or drop a file on the window."
 _NAME = Qt.ItemDataRole.UserRole
+#: Lower-case words by which an item is found, and the text of its group.
+_WORDS, _GROUP = Qt.ItemDataRole.UserRole + 1, Qt.ItemDataRole.UserRole + 2
 
 
 class Gallery(QWidget):
-    """A thumbnail for each scene; a click or Enter opens the scene."""
+    """A thumbnail for each scene and recent file; a click or Enter opens it."""
 
     #: Name of a scene, or path of a file.
     chosen = Signal(str)
@@ -36,82 +48,151 @@ class Gallery(QWidget):
     def __init__(self) -> None:
         super().__init__()
         heading = QLabel("Scenes", objectName="heading")
-        about = note("Click a scene to open it. You can change everything in it.")
         self.new_button, self.open_button = QPushButton("New fabric"), QPushButton("Open file…")
         buttons = row(None, self.new_button, self.open_button)
+        self.search = QLineEdit(placeholderText="Search scenes", clearButtonEnabled=True)
+        self.search.textChanged.connect(self._filter)
+        self.search.returnPressed.connect(self._open_first)
         self.list = _ThumbnailList()
-        for name in library.names():
-            item = QListWidgetItem(thumbnails.title_of(name))
-            item.setData(_NAME, name)
-            item.setToolTip(f"{thumbnails.title_of(name)}\n{name}")
-            self.list.addItem(item)
+        self._recent: list[str] = []
+        for group, names in library.names_by_kind().items():
+            self.list.add_heading(group)
+            for name in names:
+                self.list.add_thumbnail(name, thumbnails.title_of(name), group)
         self.list.chosen.connect(self.chosen)
-        self._recent_label = QLabel("Recent files")
-        self.recent = QListWidget(objectName="recent")
-        self.recent.itemClicked.connect(lambda item: self.chosen.emit(item.data(_NAME)))
-        _make_transparent(self.recent)
+        self.nothing = note("No scene matches. Search for words of a title or a name.")
+        self.nothing.hide()
         column(
             self,
             heading,
-            about,
+            note(_HINT),
             buttons,
+            self.search,
+            self.nothing,
             (self.list, 1),
-            self._recent_label,
-            self.recent,
             margins=(12, 10, 8, 8),
         )
         self._has_icons = False
-        self.show_recent([])
 
     def showEvent(self, event: QShowEvent) -> None:
         """Load the thumbnails when the tab is first shown."""
         super().showEvent(event)
         if not self._has_icons:
             self._has_icons = True
-            for number in range(self.list.count()):
-                item = self.list.item(number)
-                item.setIcon(_load_icon(item.data(_NAME)))
+            for item in self.list.thumbnails:
+                if item.icon().isNull():
+                    item.setIcon(_load_icon(thumbnails.file_of(item.data(_NAME)), item.text()))
 
     def show_recent(self, files: list[str]) -> None:
-        self.recent.clear()
-        for name in files[:5]:
-            item = QListWidgetItem(Path(name).name)
-            item.setData(_NAME, name)
-            item.setToolTip(name)
-            self.recent.addItem(item)
-        for widget in (self.recent, self._recent_label):
-            widget.setVisible(bool(files))
-        height = self.recent.sizeHintForRow(0) if files else 0
-        self.recent.setFixedHeight(height * self.recent.count() + 6)
+        """Show the user's recent files first; the program's scenes are below anyway."""
+        own = [name for name in files if Path(name).parent != library.folder().resolve()]
+        self._recent = own[:_MOST_RECENT]
+        self.list.remove_group(_RECENT)
+        if self._recent:
+            self.list.add_heading(_RECENT, 0)
+        for place, name in enumerate(self._recent, 1):
+            item = self.list.add_thumbnail(name, Path(name).name, _RECENT, place)
+            item.setIcon(_load_icon(thumbnail_of(Path(name)), Path(name).suffix))
+        self._filter(self.search.text())
+
+    def update_recent(self) -> None:
+        """Show the thumbnails of recent files again, as one of them has just been drawn."""
+        self.show_recent(self._recent)
+
+    def _filter(self, text: str) -> None:
+        self.nothing.setVisible(not self.list.filter_words(text.lower().split()))
+
+    def _open_first(self) -> None:
+        """Open the first scene that matches the search."""
+        shown = [item for item in self.list.thumbnails if not item.isHidden()]
+        if self.search.text() and shown:
+            self.chosen.emit(shown[0].data(_NAME))
 
 
 class _ThumbnailList(QListWidget):
-    """Thumbnails in as many columns as fit."""
+    """Thumbnails in as many columns as fit, below the headings of their groups."""
 
     chosen = Signal(str)
 
     def __init__(self) -> None:
         super().__init__(objectName="gallery", wordWrap=True)
-        _make_transparent(self)
+        # A style sheet would paint the groove of the scroll bar black.
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.viewport().setAutoFillBackground(False)
         self.setViewMode(QListView.ViewMode.IconMode)
         self.setResizeMode(QListView.ResizeMode.Adjust)
         self.setMovement(QListView.Movement.Static)
         self.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
+        self.setAcceptDrops(False)  # the window takes dropped files
+        self._sizes = QSize(), QSize()
         self.itemClicked.connect(self._choose)
+
+    @property
+    def thumbnails(self) -> list[QListWidgetItem]:
+        """All items but the headings."""
+        items = [self.item(number) for number in range(self.count())]
+        return [item for item in items if item.data(_NAME) is not None]
+
+    def add_heading(self, group: str, place: int | None = None) -> None:
+        """Add the heading of a group."""
+        item = QListWidgetItem(group)
+        item.setFlags(Qt.ItemFlag.NoItemFlags)
+        item.setData(_GROUP, group)
+        font = item.font()
+        font.setBold(True)
+        item.setFont(font)
+        item.setForeground(self.palette().windowText())
+        item.setTextAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignBottom)
+        item.setSizeHint(self._sizes[1])
+        self.insertItem(self.count() if place is None else place, item)
+
+    def add_thumbnail(
+        self, name: str, title: str, group: str, place: int | None = None
+    ) -> QListWidgetItem:
+        """Add an item without its picture."""
+        item = QListWidgetItem(title)
+        item.setData(_NAME, name)
+        item.setData(_GROUP, group)
+        item.setData(_WORDS, f"{title} {name} {group}".lower())
+        item.setToolTip(f"{title}\n{name}")
+        item.setTextAlignment(Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop)
+        item.setSizeHint(self._sizes[0])
+        self.insertItem(self.count() if place is None else place, item)
+        return item
+
+    def remove_group(self, group: str) -> None:
+        """Remove a group and its heading."""
+        for number in reversed(range(self.count())):
+            if self.item(number).data(_GROUP) == group:
+                self.takeItem(number)
+
+    def filter_words(self, words: list[str]) -> bool:
+        """Show only items that match all words, and their headings; return whether any does."""
+        groups = set()
+        for item in self.thumbnails:
+            shown = all(word in item.data(_WORDS) for word in words)
+            item.setHidden(not shown)
+            groups |= {item.data(_GROUP)} if shown else set()
+        for number in range(self.count()):
+            if self.item(number).data(_NAME) is None:
+                self.item(number).setHidden(self.item(number).data(_GROUP) not in groups)
+        return bool(groups)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Adapt the size of the thumbnails to the width."""
         super().resizeEvent(event)
-        space = self.viewport().width() - 4
-        cell = space // max(1, space // (_MIN_WIDTH + 16))
-        width = cell - 12
-        self.setIconSize(QSize(width, round(width * _ASPECT)))
-        lines = 3 * self.fontMetrics().lineSpacing()  # the longest titles have three
-        self.setGridSize(QSize(cell, round(width * _ASPECT) + lines + 16))
-        for number in range(self.count()):  # equal widths, whatever the titles
-            self.item(number).setSizeHint(self.gridSize() - QSize(4, 4))
+        space = self.viewport().width() - 2
+        cell = space // max(1, space // (_MIN_WIDTH + _GAP))
+        width = cell - _GAP
+        picture, line = round(width * _ASPECT), self.fontMetrics().lineSpacing()
+        self.setIconSize(QSize(width, picture))
+        # Equal sizes, whatever the titles; a heading fills its row.
+        self._sizes = QSize(cell, picture + _LINES * line + 12), QSize(space, 2 * line)
+        for number in range(self.count()):
+            item = self.item(number)
+            item.setSizeHint(self._sizes[item.data(_NAME) is None])
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Open the selected scene with Enter; arrow keys select."""
@@ -121,24 +202,22 @@ class _ThumbnailList(QListWidget):
             super().keyPressEvent(event)
 
     def _choose(self, item: QListWidgetItem) -> None:
-        self.chosen.emit(item.data(_NAME))
+        if (name := item.data(_NAME)) is not None:
+            self.chosen.emit(name)
 
 
-def _make_transparent(pictures: QListWidget) -> None:
-    """Make the background of a list transparent."""
-    # A style sheet would paint the groove of the scroll bar black.
-    pictures.setFrameShape(QFrame.Shape.NoFrame)
-    pictures.viewport().setAutoFillBackground(False)
-
-
-def _load_icon(name: str) -> QIcon:
-    pixmap = QPixmap(str(thumbnails.file_of(name)))
+def _load_icon(file: Path | None, words: str) -> QIcon:
+    """Return a picture as an icon; without one, a card with some words."""
+    pixmap = QPixmap() if file is None else QPixmap(str(file))
     if pixmap.isNull():
         pixmap = QPixmap(*thumbnails.SIZE)
         pixmap.fill(QColor("#dfe6ee"))
         painter = QPainter(pixmap)
+        font = painter.font()
+        font.setPixelSize(48)
+        painter.setFont(font)
         painter.setPen(QColor("#66717e"))
-        painter.drawText(pixmap.rect(), Qt.AlignmentFlag.AlignCenter, name)
+        painter.drawText(pixmap.rect(), Qt.AlignmentFlag.AlignCenter, words)
         painter.end()
     icon = QIcon(pixmap)
     # Otherwise Qt would tint the thumbnail of the selected scene.

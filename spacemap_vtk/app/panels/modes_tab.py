@@ -24,6 +24,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.add_stage import AddStageButton
 from spacemap_vtk.app.panels.mode_errors import ModeErrors, compute_errors
 from spacemap_vtk.app.panels.response_plot import ResponsePlot
 from spacemap_vtk.app.plots.curves import Spectrum
@@ -62,8 +63,8 @@ _SHARES = (
     50,
     15,
     (
-        "Largest displacement in % of the cage's longest side. With a section [rotation], modes "
-        "can be shown up to 90°."
+        "Largest displacement in % of the cage's longest side. With the stage Rotation strain, "
+        "modes can be shown up to 90°."
     ),
 )
 _ANGLES = (
@@ -75,7 +76,7 @@ _ANGLES = (
 #: Hints of the tab: with modes; without a cage; with a motion that is read from a file.
 _HINTS = (
     "Click a mode to animate it, slowed to about one swing per second.",
-    "This scene has no motion. To add a cage that swings, change a value of the modal solver.",
+    "This scene does not move. Modal response adds a cage around the fabric, and lets it swing.",
     "The motion is read from a file, which has no modes.",
 )
 
@@ -108,6 +109,7 @@ class ModesTab(QWidget):
         self.back_button = QPushButton("Return to motion", enabled=False)
         self.back_button.clicked.connect(self.stop)
         self.hint = note(_HINTS[0])
+        self.add_button = AddStageButton("response")
         #: Plot of the frequency response, which also provides the effective masses.
         self.response = ResponsePlot(document, engine)
         self.response.chosen.connect(self._animate_mode)
@@ -128,18 +130,22 @@ class ModesTab(QWidget):
         self._retry.timeout.connect(self._retry_errors)
         self._document, self._engine = document, engine
         engine.background_ready.connect(self._receive_errors)
-        below = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.amplitude_text)
-        column(
+        #: Controls of the animation; hidden without modes.
+        self.controls = QWidget()
+        amplitude = row(None, QLabel("Amplitude"), (self.amplitude, 1), self.amplitude_text)
+        column(self.controls, amplitude, row(None, self.back_button, self.errors_button))
+        layout = column(
             self,
             self.hint,
+            self.add_button,
             self.sheet,
             self.unresolved,
             (self.table, 1),
             self.response,
-            below,
-            row(None, self.back_button, self.errors_button),
+            self.controls,
             margins=(6, 6, 6, 6),
         )
+        layout.addStretch(0)  # without a table, the rest stays at the top
         self._modes_key: Any = None
         #: Modes and damping to which the shown masses and the response belong.
         self._masses_key: Any = None
@@ -160,6 +166,7 @@ class ModesTab(QWidget):
         self._modes_key = None
         self.table.setRowCount(0)
         self.hint.clear()
+        self.add_button.hide()
         self.sheet.hide()
         self.unresolved.hide()
         self.response.clear()
@@ -173,6 +180,9 @@ class ModesTab(QWidget):
         except InputError:
             return  # contradictory parameters of damping; the run reports the error
         self.hint.setText(_HINTS[0 if len(values) else 1 if cage is None else 2])
+        self.add_button.setVisible(cage is None)
+        for widget in (self.table, self.controls):
+            widget.setVisible(bool(len(values)))
         figures = solver_results(cage)
         self.sheet.setText(_describe_cage(figures))
         self.sheet.setVisible(bool(figures))

@@ -11,6 +11,7 @@ from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QPushButton, QWidget
 
 from spacemap_vtk.app.documents.document import Document
+from spacemap_vtk.app.panels.add_stage import AddStageButton
 from spacemap_vtk.app.panels.pull_map import PullMap
 from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.app.work.frame_request import Pull
@@ -33,8 +34,8 @@ _LINE_HINTS = (
     "yarns are extensible and have a tension.",
 )
 _NO_MAP_HINTS = (
-    "Warp and weft exchange crimp, and yarns keep their length, if the scene has a section "
-    '[yarns]: <a href="yarns">add it</a>.',
+    "With crimp interchange, warp and weft exchange crimp, and yarns keep their length. A map then "
+    "shows how far the cloth stretches.",
     "Only woven scenes can be stretched here.",
 )
 
@@ -53,18 +54,17 @@ class PullTab(QWidget):
         self.map = PullMap()
         rich = Qt.TextFormat.RichText  # safe: these texts contain nothing from files
         self.hint = note(_NO_MAP_HINTS[0], textFormat=rich)
+        self.add_button = AddStageButton("yarns")
         top = Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
         self.state_text = note(name="state", textFormat=rich, alignment=top)
         self.state_text.setFixedHeight(_LINES * self.state_text.fontMetrics().lineSpacing() + 2)
         self.back_button = QPushButton("Return to motion", enabled=False)
         self.back_button.clicked.connect(self.stop)
-        column(
-            self, self.hint, (self.map, 1), self.state_text, self.back_button, margins=(6, 6, 6, 6)
-        )
+        parts = self.hint, self.add_button, (self.map, 1), self.state_text, self.back_button
+        column(self, *parts, margins=(6, 6, 6, 6))
         self._crossings: Interchange | None = None
         self._cloth_key: Any = None
         self.rest_timer = single_shot(self, self._update_map, _REST_TIME)
-        self.hint.linkActivated.connect(document.switch)
         self.map.dragged.connect(self._show_stretch)
         self.map.dragging.connect(self.dragging)
         self.map.reset_requested.connect(self.stop)
@@ -111,6 +111,8 @@ class PullTab(QWidget):
             except SpacemapError as error:
                 hint = f"The map cannot be computed: {html.escape(str(error))}"
         self.hint.setText(hint)
+        self.add_button.setVisible(scene.woven is not None and stage is None)
+        self.back_button.setVisible(result is not None)
         self.map.show_map(result)
         if result is None:
             self.stop()

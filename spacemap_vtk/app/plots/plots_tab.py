@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.documents.file_dialogs import ask_output_file
+from spacemap_vtk.app.panels.add_stage import AddStageButton
 from spacemap_vtk.app.plots.curves import (
     CurveRequest,
     Curves,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 #: Time without changes until curves are computed, in ms.
 _REST_TIME = 250
 #: Place of the canvas in the tab.
-_CANVAS = 3
+_CANVAS = 5
 _HINT = "Click the fabric to plot a point, Shift+click to add one. Click a plot to go to that time."
 _OLD_CURVES = "These curves show the motion before the last change."
 _FIRST_HINT = (
@@ -53,8 +54,8 @@ _FIRST_HINT = (
 #: Quantities of what holds the cloth: keys of `ReactionCurves.tables`.
 REACTIONS = ("force", "moment")
 _NO_REACTIONS = (
-    "Forces and moments are plotted over time with [transient], and over the stroke of a grip or "
-    "obstacle with a path."
+    "Forces and moments are plotted over time with the stage Transient response, and over the "
+    "stroke of a grip or obstacle with a path."
 )
 _REACTION_HINT = (
     "What holds the cloth acts on it with these forces and moments. Moments are about the middle "
@@ -108,6 +109,7 @@ class PlotsTab(QWidget):
         }
         self.save_button.setMenu(menu)
         self.hint = note(_HINT)
+        self.add_button = AddStageButton("response")
         for box in (self.quantity, self.component, self.body, self.abscissa):
             narrow(box, 4)  # in a narrow window, shorten the words rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
@@ -117,8 +119,9 @@ class PlotsTab(QWidget):
         self.progress_bar, self.run_button = QProgressBar(), QPushButton("Cancel")
         self.run_button.clicked.connect(self._cancel_or_compute)
         third = row(None, (self.progress_bar, 1), self.run_button)
-        parts = first, choices, second, None, third, self.hint
+        parts = self.hint, self.add_button, first, choices, second, None, third
         self._layout = column(self, *parts, margins=(6, 6, 6, 6))
+        self._layout.addStretch(0)  # without a canvas, the rest stays at the top
         self._show_progress("")
         self.rest_timer = single_shot(self, self._request, _REST_TIME)
         self.quantity.activated.connect(self._choose_quantity)
@@ -280,11 +283,14 @@ class PlotsTab(QWidget):
         self.shown.emit()
         self.curves = result
         if result is None:
-            self.hint.setText("This scene does not move.")
+            self.hint.setText("This scene does not move. Modal response lets it swing.")
         else:
             self._offer_quantities(result)
             self._show_largest_component()
         self._enable_tools()
+        self.add_button.setVisible(result is None)
+        for widget in (self.quantity, self.component, self.clear_button, self.save_button):
+            widget.setVisible(result is not None)
         if self.canvas is not None:
             self.canvas.setVisible(result is not None)
         self._draw()
@@ -388,6 +394,7 @@ class PlotsTab(QWidget):
         self._show_progress("")
         self.curves = None  # do not show curves of another scene
         self.hint.setText(_HINT)
+        self.add_button.hide()
         self._enable_tools()
         if self.canvas is not None:
             self.canvas.hide()

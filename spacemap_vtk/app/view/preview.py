@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QRect, QSize, Qt
+from PySide6.QtCore import QEvent, QObject, QRect, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QWidget
 
 from spacemap_vtk.app.widgets import single_shot
 
-#: Delay before the thumbnail appears, in ms; most scenes are drawn earlier.
+#: Delay before the caption appears, in ms; most scenes are drawn earlier.
 _DELAY = 300
 _CAPTION = "Preview. The scene is being computed."
 #: Free margin around the thumbnail, as a fraction of the view.
@@ -25,25 +25,35 @@ class Preview(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.hide()
         self._picture = QPixmap()
-        self._delay_timer = single_shot(self, self._show, _DELAY)
+        self._has_caption = False
+        self._delay_timer = single_shot(self, self._show_caption, _DELAY)
+        parent.installEventFilter(self)
 
     def begin(self, file: Path | None) -> None:
-        """Show a thumbnail after a delay, unless `end` is called first; None shows nothing."""
+        """Show a thumbnail, after a delay with a caption, until `end` is called; None: nothing."""
         self.end()
         self._picture = QPixmap() if file is None else QPixmap(str(file))
+        self._has_caption = False
         if not self._picture.isNull():
             self._delay_timer.start()
+            self.setGeometry(self.parentWidget().rect())
+            self.raise_()
+            self.show()
 
     def end(self) -> None:
         """Hide the thumbnail: the scene is drawn, or will not be."""
         self._delay_timer.stop()
         self.hide()
 
-    def _show(self) -> None:
-        parent = self.parentWidget()
-        self.setGeometry(parent.rect())
-        self.raise_()
-        self.show()
+    def _show_caption(self) -> None:
+        self._has_caption = True
+        self.update()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Stay as large as the view."""
+        if event.type() == QEvent.Type.Resize and not self.isHidden():
+            self.setGeometry(self.parentWidget().rect())
+        return False
 
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the thumbnail as large as the view allows, with a caption below it."""
@@ -55,7 +65,8 @@ class Preview(QWidget):
         place = QRect(area.topLeft(), size)
         place.moveCenter(area.center())
         painter.drawPixmap(place, self._picture)
-        below = QRect(area.left(), place.bottom(), area.width(), line)
-        painter.setPen(QColor("#66717e"))
-        painter.drawText(below, Qt.AlignmentFlag.AlignCenter, _CAPTION)
+        if self._has_caption:
+            below = QRect(area.left(), place.bottom(), area.width(), line)
+            painter.setPen(QColor("#66717e"))
+            painter.drawText(below, Qt.AlignmentFlag.AlignCenter, _CAPTION)
         painter.end()

@@ -36,7 +36,7 @@ _SIZE_KEY = "export/size"
 #: Choices of the camera, each with an explanation.
 _CAMERAS = {
     "As in the window": "The same content and background as in the window, fitted to this size.",
-    "As in the scene": "Camera, parts and background are those of the scene's section [view].",
+    "As in the scene": "Camera, parts and background are those of the scene.",
 }
 
 
