@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window import require_display, wait_until
+from window import require_display, settled, wait_until
 
 require_display()
 
 from PySide6.QtWidgets import QFileDialog  # noqa: E402
 
+from spacemap_vtk.draw.actors.unit_cell_actors import shown_voxels  # noqa: E402
 from spacemap_vtk.scenes.composite import compute_constants, constant_rows  # noqa: E402
 from spacemap_vtk.scenes.scene import Scene  # noqa: E402
 
@@ -50,6 +51,30 @@ def test_the_constants_are_those_of_the_command_line(
     assert "GPa" in tab.canvas.figure.axes[1].get_ylabel()
     tab.content.setCurrentIndex(tab.content.findData("moduli"))
     assert tab.slider.isHidden()
+    # The view shows the cell, its slice and the chosen voxels, until the switch is off.
+    tab.content.setCurrentIndex(tab.content.findData("strain_xx"))
+    tab.in_view.setChecked(True)
+    tab.voxels.setCurrentIndex(tab.voxels.findData("value"))
+    tab.threshold.setValue(30)
+    cell, look = window.view.cell, tab.look
+    model = tab.result[1]
+    strain = model.fields["strain_xx"][:, 0].reshape(model.voxels.fraction.shape)
+    np.testing.assert_array_equal(
+        shown_voxels(model, look)[..., : look.index], strain[..., : look.index] >= look.threshold
+    )
+    assert not shown_voxels(model, look)[..., look.index :].any()
+    assert f"{look.threshold:.3g}" in tab.threshold_text.text()
+    assert not window.view.scene_view.surface.GetVisibility()
+    assert cell.slice.GetVisibility()
+    document.set("view", "camera", "front")
+    wait_until(lambda: settled(window))
+    assert not window.view.scene_view.surface.GetVisibility()
+    tab.in_view.setChecked(False)
+    assert window.view.cell is None
+    assert window.view.scene_view.surface.GetVisibility()
+    assert not tab.voxels.isEnabled()
+    document.history.undo()
+    assert tab.minimumSizeHint().width() <= 266
     # Another fibre makes them old; undo brings the first one back.
     document.history.undo()
     assert tab.fibre.currentData() == "e_glass"

@@ -305,10 +305,12 @@ class MainWindow(QMainWindow):
         self.modes.swing_changed.connect(self.director.show_mode)
         self.pull.pulled.connect(self._show_pull)
         self.pull.dragging.connect(self.director.set_dragging)
-        for stop in (self.modes.stop, self.pull.stop):
+        self.composite.cell_changed.connect(self.view.show_cell)
+        for stop in (self.modes.stop, self.pull.stop, self.composite.stop):
             self.times.play.clicked.connect(stop)
             self.document.replaced.connect(stop)
         self.modes.table.cellClicked.connect(self.pull.release)
+        self.modes.table.cellClicked.connect(self.composite.stop)
         #: State of the view when the status line began to show a picked point; None if it does not.
         self._pick_key: object = None
         self.view.picked.connect(self._show_pick)
@@ -479,6 +481,8 @@ class MainWindow(QMainWindow):
         self._show_tab(self.chart, "Chart", self.draft, is_knit(self.document.scene))
         has_cell = self.composite.section in self.document.scene.given_sections
         self._show_tab(self.composite, "Composite", self.measure, has_cell)
+        if not has_cell:
+            self.composite.stop()
         self.times.set_moves(moves)
         self.menus.time.setEnabled(moves)
         self.tools.show_scene(self.document.scene)
@@ -603,6 +607,7 @@ class MainWindow(QMainWindow):
     def _show_pull(self, pull: Pull | None) -> None:
         if pull is not None:
             self.modes.release()
+            self.composite.stop()
         self.director.show_pull(pull)
 
     def _go_to_time(self, time: float, continues: bool) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPlane, vtkPolyData
+from vtkmodules.vtkRenderingAnnotation import vtkScalarBarActor
 from vtkmodules.vtkRenderingCore import VTK_SURFACE, VTK_WIREFRAME, vtkActor, vtkProp, vtkRenderer
 
 from spacemap_vtk.datasets.arrays import points_of
@@ -114,7 +115,7 @@ class SceneView:
         #: State for which the last scale was made, and its ends; see `span_of`.
         self.span: tuple[object, Span] | None = None
         self._plane = vtkPlane()
-        self._size, self._pixels_per_point = (1, 1), 1.0
+        self._size, self._pixels, self._pixels_per_point = (1, 1), 1.0, 1.0
         #: The current frame; None if nothing is shown.
         self._frame: Frame | None = None
         self._view, self._options = View(), ViewOptions()
@@ -151,7 +152,7 @@ class SceneView:
         self, view: View, size: tuple[int, int], pixels: float, pixels_per_point: float
     ) -> None:
         """Set colours and sizes of a view; `pixels` are drawn per pixel of the picture."""
-        self._size, self._pixels_per_point = size, pixels_per_point
+        self._size, self._pixels, self._pixels_per_point = size, pixels, pixels_per_point
         below, above = view.resolved_style.bottom_color, view.resolved_style.top_color
         set_background(self.renderer, below, above)
         self.cage.GetProperty().SetColor(*(c / 255 for c in view.line_color))
@@ -283,12 +284,33 @@ class SceneView:
         self.has_shadows = on
         self.sheet.set_shadow_strength(self.occlusion if on else 0.0)
 
-    def hide(self) -> None:
-        """Show nothing until the next frame."""
+    def show_alone(self, color_bar: vtkScalarBarActor) -> None:
+        """Hide the frame and its scale, but not the annotations, beside objects of the caller."""
+        self._hide_frame()
+        for drawn in (self.surface, self.sheet):
+            drawn.color_bar.VisibilityOff()
+        has_scale = bool(color_bar.GetVisibility()) and self._options.scale
+        color_bar.SetVisibility(has_scale)
+        below = self._view.resolved_style.bottom_color
+        fit_color_bar(color_bar, self._size, below, self._pixels)
+        self.scale_width = color_bar_share(self._size) if has_scale else 0.0
+        self.renderer.GetActiveCamera().SetWindowCenter(self.scale_width, 0.0)
+        triad, bar, clickable = (
+            self._options.triad,
+            self._options.scale_bar,
+            self._options.axes_clickable,
+        )
+        self.annotations.show(self._view, None, has_scale, triad, bar, clickable)
+
+    def _hide_frame(self) -> None:
         self._frame = None
         for actor in (*self.solids, *self.markers, self.planes, self.ghost, self.ground):
             actor.VisibilityOff()
         self.loads.show(None)  # clears the arrows in the renderer in front, too
+
+    def hide(self) -> None:
+        """Show nothing until the next frame."""
+        self._hide_frame()
         for prop in self.overlays:
             prop.VisibilityOff()
 

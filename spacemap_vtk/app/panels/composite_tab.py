@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtWidgets import (
+    QCheckBox,
     QComboBox,
     QDoubleSpinBox,
+    QLabel,
     QMenu,
     QProgressBar,
     QPushButton,
@@ -34,6 +36,7 @@ from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
 if TYPE_CHECKING:
     from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
 
+    from spacemap_vtk.draw.actors.unit_cell_actors import CellLook
     from spacemap_vtk.scenes.composite import Composite
     from spacemap_vtk.unit_cell.phases import UnitCellModel
 
@@ -46,6 +49,15 @@ _OLD = "The scene has changed since these constants were computed."
 _HEADINGS = ("constant", "value", "±", "unit")
 #: A view that is no slice.
 _MODULI = "moduli"
+#: Which voxels the view draws, by keys of `CellLook.voxels`.
+_VOXELS = {
+    "share": "Voxels from a share of yarn",
+    "yarn": "Voxels of one yarn",
+    "value": "Voxels from a value",
+    "none": "No voxels",
+}
+#: Steps of the threshold.
+_STEPS = 100
 
 
 class _Result(NamedTuple):
@@ -82,9 +94,11 @@ class CompositeTab(QWidget):
     section = _SECTION
     #: Ending of a file to write, and the kind of its job.
     export_requested = Signal(str, str)
+    #: Unit cell to show in the view, and its look; None to show the scene.
+    cell_changed = Signal(object, object)
 
     def __init__(self, document: Document, engine: Engine) -> None:
-        from spacemap_vtk.draw.figure.unit_cell_plot import CONTENTS, PLANES
+        from spacemap_vtk.draw.unit_cell_values import CONTENTS, PLANES
         from spacemap_vtk.unit_cell.mixtures import COMPONENTS
 
         super().__init__()
@@ -117,6 +131,20 @@ class CompositeTab(QWidget):
         self.plane.currentIndexChanged.connect(self._choose_plane)
         for box in (self.content, self.load):
             box.currentIndexChanged.connect(self._draw)
+        self.in_view = QCheckBox("In the view", toolTip="Show the unit cell in place of the scene")
+        self.has_slice = QCheckBox("slice", checked=True)
+        self.has_slice.setToolTip("Draw the slice, and no voxels in front of it")
+        self.has_directions = QCheckBox("directions")
+        self.has_directions.setToolTip("Draw the directions of the fibres")
+        self.voxels = narrow(QComboBox(toolTip="Which voxels the view draws"), 8)
+        for key, label in _VOXELS.items():
+            self.voxels.addItem(label, key)
+        self.threshold = QSlider(Qt.Orientation.Horizontal, maximum=_STEPS)
+        self.threshold_text = QLabel()
+        self.voxels.currentIndexChanged.connect(self._reset_threshold)
+        self.threshold.valueChanged.connect(self._show_cell)
+        for switch in (self.in_view, self.has_slice, self.has_directions):
+            switch.toggled.connect(self._show_cell)
         self.progress_bar = QProgressBar(maximum=0, textVisible=False)
         self.notes = note(_HINT)
         self.table = results_table(_HEADINGS)
@@ -135,6 +163,8 @@ class CompositeTab(QWidget):
             self.progress_bar,
             row(None, (self.content, 1), self.load),
             row(None, (self.plane, 1), (self.slider, 1), self.save_button),
+            row(None, self.in_view, self.has_slice, self.has_directions, None),
+            row(None, (self.voxels, 1), (self.threshold, 1), self.threshold_text),
             (self._parts, 1),
             margins=(6, 6, 6, 6),
             spacing=6,
@@ -213,9 +243,10 @@ class CompositeTab(QWidget):
                 self.table.setItem(place, across, QTableWidgetItem(text))
         self._set_parts_enabled(True)
         self._choose_plane()
+        self._reset_threshold()
 
     def _set_parts_enabled(self, enabled: bool) -> None:
-        for widget in (self.content, self.load, self.plane, self.slider):
+        for widget in (self.content, self.load, self.plane, self.slider, self.in_view):
             widget.setEnabled(enabled)
 
     def _choose_plane(self, _index: int = 0) -> None:
@@ -231,16 +262,89 @@ class CompositeTab(QWidget):
         self.slider.blockSignals(False)
         self._draw()
 
+    def stop(self) -> None:
+        """Show the scene in the view again."""
+        self.in_view.setChecked(False)
+
+    @property
+    def look(self) -> CellLook:
+        """What the view shows of the unit cell."""
+        from spacemap_vtk.draw.actors.unit_cell_actors import CellLook
+        from spacemap_vtk.draw.unit_cell_values import value_span, yarn_numbers
+
+        assert self.result is not None
+        model = self.result[1]
+        content = self.content.currentData()
+        content = "yarns" if content == _MODULI else content
+        load, share = self.load.currentText(), self.threshold.value() / _STEPS
+        voxels, yarn = self.voxels.currentData(), 0
+        if voxels == "value":
+            low, high = value_span(model, content, load)
+            share = low + share * (high - low)
+        elif voxels == "yarn":
+            numbers = yarn_numbers(model)
+            yarn = numbers[min(self.threshold.value(), len(numbers) - 1)]
+        return CellLook(
+            content,
+            load,
+            voxels,
+            share,
+            yarn,
+            self.has_slice.isChecked(),
+            self.plane.currentData(),
+            self.slider.value(),
+            self.has_directions.isChecked(),
+        )
+
+    def _reset_threshold(self, _index: int = 0) -> None:
+        """Fit the range of the threshold to what it selects."""
+        from spacemap_vtk.draw.unit_cell_values import yarn_numbers
+
+        chosen = self.voxels.currentData()
+        count = _STEPS
+        if chosen == "yarn" and self.result is not None:
+            count = len(yarn_numbers(self.result[1])) - 1
+        self.threshold.blockSignals(True)
+        self.threshold.setRange(0, max(1, count))
+        self.threshold.setValue(0 if chosen == "yarn" else count // 2)
+        self.threshold.blockSignals(False)
+        self._show_cell()
+
+    def _show_cell(self, _value: int = 0) -> None:
+        """Show the unit cell in the view, or the scene."""
+        on = self.in_view.isChecked() and self.result is not None
+        chosen = self.voxels.currentData()
+        for widget in (self.has_slice, self.has_directions, self.voxels):
+            widget.setEnabled(on)
+        self.threshold.setEnabled(on and chosen != "none")
+        self.threshold_text.setText("")
+        if not on or self.result is None:
+            self.cell_changed.emit(None, None)
+            return
+        from spacemap_vtk.draw.unit_cell_values import voxel_values
+
+        look, model = self.look, self.result[1]
+        if chosen == "share":
+            self.threshold_text.setText(f"{look.threshold:.0%}")
+        elif chosen == "yarn":
+            self.threshold_text.setText(f"yarn {look.yarn}")
+        elif chosen == "value":
+            unit = voxel_values(model, look.content, look.load)[1]
+            self.threshold_text.setText(f"{look.threshold:.3g} {unit}".rstrip())
+        self.cell_changed.emit(model, look)
+
     def _draw(self, _value: int = 0) -> None:
-        """Draw the slice, or the moduli."""
+        """Draw the slice, or the moduli, and the unit cell in the view."""
         if self.result is None:
             return
+        self._show_cell()
         from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
 
         from spacemap_vtk.draw.figure.measurement_plot import DARK, LIGHT
         from spacemap_vtk.draw.figure.page import new_figure
         from spacemap_vtk.draw.figure.polar_plot import draw_moduli
         from spacemap_vtk.draw.figure.unit_cell_plot import draw_slice
+        from spacemap_vtk.draw.unit_cell_values import needs_load
 
         if self.canvas is None:
             self.canvas = FigureCanvasQTAgg(new_figure(dpi=100))
@@ -254,10 +358,10 @@ class CompositeTab(QWidget):
         figure.set_facecolor(ink.paper)
         content = self.content.currentData()
         is_slice = content != _MODULI
-        self.load.setVisible(content == "stress")
+        self.load.setVisible(is_slice and needs_load(content))
         self.plane.setVisible(is_slice)
         self.slider.setVisible(is_slice)
-        figure.subplots_adjust(left=0.16, right=0.94, bottom=0.14, top=0.95 if is_slice else 0.84)
+        figure.subplots_adjust(left=0.2, right=0.94, bottom=0.14, top=0.95 if is_slice else 0.84)
         if is_slice:
             where = self.plane.currentData(), self.slider.value(), content, self.load.currentText()
             draw_slice(figure.subplots(), self.result[1], *where, ink=ink)
@@ -270,6 +374,8 @@ class CompositeTab(QWidget):
     def _clear(self) -> None:
         """Forget the constants of another scene."""
         self.result = None
+        self.stop()
+        self._show_cell()
         self.table.setRowCount(0)
         self.load.hide()
         self._set_parts_enabled(False)

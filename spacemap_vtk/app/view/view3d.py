@@ -42,6 +42,8 @@ from spacemap_vtk.scenes.settings import FLAT, SIDES, View
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.view.clip_handle import ClipHandle
+    from spacemap_vtk.draw.actors.unit_cell_actors import CellLook, UnitCellActors
+    from spacemap_vtk.unit_cell.phases import UnitCellModel
 
 #: Time after the last camera move until the camera counts as at rest, in ms.
 _REST_TIME = 220
@@ -99,6 +101,9 @@ class View3D(QWidget):
         self.last_cut: Cut | None = None
         #: Handle that moves the clip plane; created with the first cut.
         self.handle: ClipHandle | None = None
+        #: Unit cell that is shown in place of the scene, and its look.
+        self.cell: UnitCellActors | None = None
+        self._cell_look: CellLook | None = None
         #: View settings of the scene, and the same with the background of the window's theme.
         self._scene_settings: View | None = None
         self._view: View | None = None
@@ -169,6 +174,26 @@ class View3D(QWidget):
         self.scene_view.hide()
         self.render()
 
+    def show_cell(self, model: UnitCellModel | None, look: CellLook | None = None) -> None:
+        """Show a unit cell in place of the scene; None shows the scene again."""
+        before = self.cell
+        if before is not None and before.model is not model:
+            for prop in before.props:
+                self.canvas.renderer.RemoveViewProp(prop)
+            self.cell = None
+        if model is not None and self.cell is None:
+            from spacemap_vtk.draw.actors.unit_cell_actors import UnitCellActors
+
+            self.cell = UnitCellActors(model)
+            for prop in self.cell.props:
+                self.canvas.renderer.AddViewProp(prop)
+        self._cell_look = look
+        self.refresh(render=False)
+        if (before is None) != (self.cell is None):
+            self.clear_picks()
+            self.reset_camera()
+        self.render()
+
     @property
     def camera_view(self) -> CameraView | None:
         """Camera and size of the view; None before the first frame."""
@@ -209,6 +234,8 @@ class View3D(QWidget):
         if self.frame is None or (
             self.frame.preview is None and not self.needs_new_frame(self.frame)
         ):
+            return
+        if self.cell is not None:
             return
         if not self.steering:
             self.steering = True
@@ -304,17 +331,21 @@ class View3D(QWidget):
         frame, view = self.frame, self._view
         if frame is None or view is None or self._is_scene_closed:
             return
-        key = frame.generation, view.clip_normal, view.clip_origin
+        is_cell, clip = self.cell is not None, (view.clip_normal, view.clip_origin)
+        key = frame.generation, *clip, is_cell
         if key != self._cut[0]:
-            self._cut = key, self._place_handle(cut_of(view, frame.surface))
-        self.obstacles.show_frame(frame, view.obstacles)
-        self.canvas.front.SetDraw(view.loads or self.obstacles.has_handle)
+            self._cut = key, self._place_handle(None if is_cell else cut_of(view, frame.surface))
+        self.obstacles.show_frame(frame, view.obstacles and not is_cell)
+        self.canvas.front.SetDraw((view.loads and not is_cell) or self.obstacles.has_handle)
         self._suspend_shadows()
         self.options.fabric = view.show != "cage" or frame.cage is None
         self.options.cage = view.show != "fabric"
         self.scene_view.show(
             frame, view, self.options, self.scene_view.span_of(frame), self._cut[1]
         )
+        if self.cell is not None and self._cell_look is not None:
+            self.cell.show(self._cell_look, self.canvas.devicePixelRatioF())
+            self.scene_view.show_alone(self.cell.color_bar)
         self.scene_view.set_moving(self.steering)
         aimed_for = self.scene_view.scale_width, view.loads, frame.cage is not None
         if aimed_for != self._aimed_for:
@@ -609,5 +640,7 @@ class View3D(QWidget):
 
     @property
     def _extent(self) -> NDArray[np.float64] | None:
+        if self.cell is not None:
+            return self.cell.corners
         frame, view = self.frame, self._view
         return None if frame is None else extent_of(frame, view is not None and view.loads)

@@ -6,25 +6,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spacemap_vtk.draw.actors.surface_actor import ramp_table
 from spacemap_vtk.draw.figure.measurement_plot import LIGHT, Ink
+from spacemap_vtk.draw.unit_cell_values import (
+    CONTENTS,
+    INSIDE,
+    needs_load,
+    value_span,
+    voxel_colors,
+    voxel_values,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from spacemap_vtk.unit_cell.phases import UnitCellModel
 
-#: What a slice can show, with its label.
-CONTENTS = {
-    "yarns": "Yarns and directions of fibres",
-    "fraction": "Share of yarn",
-    "stress": "Equivalent stress",
-}
-#: Planes of slices: label, and the axis across them.
-PLANES = {"z": "xy, seen from above", "y": "xz, across the warp", "x": "yz, across the weft"}
 #: Arrows along the longer side of a slice.
 _ARROWS = 20
-#: Share of yarn from which a voxel belongs to it.
-_INSIDE = 0.5
 
 
 def slice_count(model: UnitCellModel, across: str) -> int:
@@ -52,24 +51,20 @@ def draw_slice(
         return np.take(values, index, axis=2 - axis)
 
     options: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
-    share = cut(model.voxels.fraction)
-    if content == "stress":
-        stress = cut(model.fields[f"von_mises_{load}"].reshape(shape)) / 1e9
-        shown = panel.imshow(stress, cmap="inferno", **options)
-        label = f"Equivalent stress in GPa for a strain {load} of 1"
-    elif content == "fraction":
-        shown = panel.imshow(share, cmap="Greys", vmin=0, vmax=1, **options)
-        label = "Share of yarn"
+    if content == "yarns":
+        panel.imshow(cut(voxel_colors(model, content, load)), **options)
+        share, direction = cut(model.voxels.fraction), cut(model.voxels.direction)
+        _draw_arrows(panel, model, direction, share, (first, second))
     else:
-        number = cut(model.voxels.yarn)
-        colours = np.array(_colours(int(model.voxels.yarn.max()) + 1))
-        picture = np.ones((*share.shape, 4))
-        picture[..., :3] = colours[np.maximum(number, 0)]
-        picture[..., 3] = np.where(number >= 0, share, 0.0)
-        panel.imshow(picture, **options)
-        shown, label = None, ""
-        _draw_arrows(panel, model, cut(model.voxels.direction), share, (first, second))
-    if shown is not None:
+        from matplotlib.colors import ListedColormap
+
+        values, unit = voxel_values(model, content, load)
+        low, high = value_span(model, content, load)
+        ramp = ListedColormap(ramp_table() / 255)
+        shown = panel.imshow(cut(values), cmap=ramp, vmin=low, vmax=high, **options)
+        label = CONTENTS[content]
+        if needs_load(content):
+            label += f"{unit and f' in {unit}'} for a strain {load} of 1"
         bar = panel.figure.colorbar(shown, ax=panel, shrink=0.8)
         bar.set_label(label, fontsize=8, color=ink.text)
         bar.ax.tick_params(labelsize=8, colors=ink.text)
@@ -96,7 +91,7 @@ def _draw_arrows(
         np.arange(step // 2, share.shape[1], step),
         indexing="ij",
     )
-    inside = share[rows, columns] > _INSIDE
+    inside = share[rows, columns] > INSIDE
     rows, columns = rows[inside], columns[inside]
     axis = direction[rows, columns]
     place = 1e3 * (np.stack([columns, rows]) + 0.5) * model.spacing[list(plane), None]
@@ -114,11 +109,3 @@ def _draw_arrows(
         width=0.004,
         color="#1b222b",
     )
-
-
-def _colours(count: int) -> list[tuple[float, float, float]]:
-    """Return a colour for each yarn: warm and cool ones in turn."""
-    from matplotlib import colormaps
-
-    wheel = colormaps["tab20"].colors  # type: ignore[attr-defined]
-    return [wheel[number % len(wheel)] for number in range(max(1, count))]
