@@ -113,6 +113,23 @@ def draw_styles(file: Path) -> None:
     draw_sheet(file, "twill_2_2", "520x390", 1.0, **styles)
 
 
+def draw_lights(file: Path) -> None:
+    """Draw a twill in each light."""
+    lights = {"view.light": "window,raking,backlit,flat", "view.zoom": "3"}
+    draw_sheet(file, "twill_2_2", "390x390", 0.9, **lights)
+
+
+def draw_inset(file: Path) -> None:
+    """Draw a twill with a close-up, at twice the size, and scale it."""
+    with tempfile.TemporaryDirectory() as folder:
+        large = Path(folder) / "large.png"
+        settings = ("--light", "window", "--inset", "0.62,0.3,5")
+        run("render", "twill_2_2", "-o", str(large), "--size", "1520x1140", *settings)
+        with Image.open(large) as picture:
+            small = picture.convert("RGB").resize((760, 570), Image.Resampling.LANCZOS)
+    small.save(file, quality=86, optimize=True)
+
+
 def draw_sweep(file: Path) -> None:
     """Draw strips of three spacings and three yarns, as the guide compares them."""
     values = {
@@ -162,6 +179,8 @@ def draw_paraview(file: Path) -> None:
 PICTURES: dict[str, Callable[[Path], None]] = {
     "tablecloth.jpg": draw_tablecloth,
     "styles.jpg": draw_styles,
+    "lights.jpg": draw_lights,
+    "inset.jpg": draw_inset,
     "close.jpg": draw_close,
     "sweep.jpg": draw_sweep,
     "motions.png": draw_motions,

@@ -80,7 +80,7 @@ UNITS: dict[str, dict[str, float]] = {
     "N": {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "nN": 1e-9, "kN": 1e3},
     "N/m3": {"N/m3": 1.0, "kN/m3": 1e3, "MN/m3": 1e6, "N/cm3": 1e6, "N/mm3": 1e9},
     "kg": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "oz": 28.349523125e-3, "lb": 0.45359237},
-    "deg": {"deg": 1.0, "rad": _DEGREES},
+    "deg": {"deg": 1.0, "rad": _DEGREES, "turn": 360.0},
 }
 
 #: A power or a product may be written in several ways, and a divisor in brackets.

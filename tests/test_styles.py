@@ -12,7 +12,7 @@ from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.scenes import level_of_detail
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.scenes.styles import LIGHTS, STYLES
 
 WEAVE = {"ends": 4, "picks": 4, "warp_color": "#2850a0", "weft_color": "#f0c820"}
 
@@ -83,3 +83,41 @@ def test_unknown_style_is_refused_with_the_list() -> None:
         Scene({"weave": {}, "view": {"style": "stuido"}})
     for word in ("view.style", "stuido", *STYLES):
         assert word in str(refused.value)
+
+
+def lit(light: str | None, side: int, **weave: Any) -> NDArray[np.float64]:
+    view = {"camera": "front", "irregularity": 0.0, **({"light": light} if light else {})}
+    scene = Scene({"weave": {**WEAVE, **weave}, "view": view})
+    picture = Picture(scene, [0.0], (side, side))
+    image = picture.draw(0.0).astype(float)
+    picture.close()
+    return image
+
+
+def test_each_light_gives_a_different_picture() -> None:
+    images = [lit(name, 120) for name in LIGHTS]
+    for k, image in enumerate(images):
+        for other in images[k + 1 :]:
+            assert np.abs(image - other).mean() > 3
+
+
+def test_flat_light_shows_the_colours_of_the_yarns() -> None:
+    image = lit("flat", 160).reshape(-1, 3)
+    for color in (WEAVE["warp_color"], WEAVE["weft_color"]):
+        own = np.array([*bytes.fromhex(str(color)[1:])], float)
+        # Pixels of this hue; between fibres it is darker by a tenth.
+        along = image @ own / (own @ own)
+        of_yarn = np.abs(image - along[:, None] * own).max(axis=1) < 6
+        assert np.median(along[of_yarn & (along > 0.5)]) == pytest.approx(0.93, abs=0.07)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("light", [None, *LIGHTS])
+def test_far_cloth_is_as_bright_as_its_yarns(
+    light: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    many = {"ends": 32, "picks": 32, "warp_diameter": 2.8e-4, "weft_diameter": 2.8e-4}
+    near = np.sqrt(np.square(lit(light, 480, **many)[160:320, 160:320]).mean(axis=(0, 1)))
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
+    far = np.sqrt(np.square(lit(light, 48, **many)[16:32, 16:32]).mean(axis=(0, 1)))
+    assert np.abs(far / near - 1.0).max() < 0.08

@@ -16,7 +16,7 @@ from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.draw.actors.surface_actor import color_bar_share  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
-from spacemap_vtk.scenes.settings import CAMERAS  # noqa: E402
+from spacemap_vtk.scenes.cameras import CAMERAS  # noqa: E402
 
 
 def image(window: Any) -> np.ndarray:

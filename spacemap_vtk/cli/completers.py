@@ -72,3 +72,17 @@ def style_names(context: CompletionContext) -> Iterable[tuple[str, str]]:
     from spacemap_vtk.scenes.styles import STYLES
 
     return [(name, style.label) for name, style in STYLES.items()]
+
+
+def light_names(context: CompletionContext) -> Iterable[tuple[str, str]]:
+    """List the lights of pictures."""
+    from spacemap_vtk.scenes.styles import LIGHTS
+
+    return [(name, light.label) for name, light in LIGHTS.items()]
+
+
+def camera_names(context: CompletionContext) -> Iterable[str]:
+    """List the cameras that come with the program."""
+    from spacemap_vtk.scenes.cameras import CAMERAS
+
+    return list(CAMERAS)

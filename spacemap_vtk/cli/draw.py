@@ -13,9 +13,12 @@ from cyclopts import Parameter
 from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import (
     PICTURE,
+    Camera,
     ColorBy,
     Fps,
     From,
+    InsetPlaces,
+    Light,
     Quiet,
     ScaleBar,
     SceneFile,
@@ -66,6 +69,9 @@ def render(
     size: Size = None,
     color: ColorBy = None,
     style: Style = None,
+    light: Light = None,
+    camera: Camera = None,
+    inset: InsetPlaces = (),
     scale_bar: ScaleBar = False,
     triad: Triad = False,
     time_stamp: TimeStamp = False,
@@ -94,6 +100,7 @@ def render(
         spacemap render plain_weave -o cloth.png
         spacemap render plain_weave -o cloth.png --time 40ms --color displacement
         spacemap render drape -o drape.png --size 1920x1080 --style paper
+        spacemap render twill_2_2 -o relief.png --light raking --inset 0.4,0.5,8
     """
     if samples is not None and not (raytrace and 1 <= samples <= MOST_SAMPLES):
         raise InputError(
@@ -105,7 +112,16 @@ def render(
     job = PictureJob(output, samples=(samples or SAMPLES) if raytrace else 0)
     annotations = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
     chosen = open_scene(
-        scene, set_, time=time, size=size, color=color, style=style, annotations=annotations
+        scene,
+        set_,
+        time=time,
+        size=size,
+        color=color,
+        style=style,
+        light=light,
+        camera=camera,
+        insets=inset,
+        annotations=annotations,
     )
     run_job(job, chosen, "Drawing", quiet)
 
@@ -123,9 +139,20 @@ def animate(
     size: Size = None,
     color: ColorBy = None,
     style: Style = None,
+    light: Light = None,
+    camera: Camera = None,
+    inset: InsetPlaces = (),
     scale_bar: ScaleBar = False,
     triad: Triad = False,
     time_stamp: TimeStamp = False,
+    orbit: Annotated[
+        str | None,
+        Parameter(
+            help="Angle through which the camera goes round the scene during the film, for example "
+            "360deg. Default: that of the scene.",
+            group=PICTURE,
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         Parameter(
@@ -150,6 +177,7 @@ def animate(
         spacemap animate plain_weave -o cloth.gif
         spacemap animate drape -o drape.mp4 --size 1280x720 --set animation.stop=2s
         spacemap animate plain_weave -o frames/%04d.png --color velocity
+        spacemap animate tricot -o round.mp4 --orbit 360deg --set animation.stop=8s
 
     A stopped film (by Ctrl-C, or because the machine goes down) leaves its frames in a folder next
     to it, for example film.mp4.frames. The same command continues from there; frames of another
@@ -158,7 +186,18 @@ def animate(
     with name_options():
         job = FilmJob(output, workers=workers, again=again)
     annotations = {"scale_bar": scale_bar, "triad": triad, "time_stamp": time_stamp}
-    chosen = open_scene(scene, set_, size=size, color=color, style=style, annotations=annotations)
+    chosen = open_scene(
+        scene,
+        set_,
+        size=size,
+        color=color,
+        style=style,
+        light=light,
+        camera=camera,
+        orbit=orbit,
+        insets=inset,
+        annotations=annotations,
+    )
     if size:
         job = replace(job, size=chosen.view.size)
     try:

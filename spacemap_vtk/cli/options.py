@@ -14,8 +14,9 @@ from cyclopts import Group, Parameter
 
 from spacemap_vtk.cli import completers
 from spacemap_vtk.errors import InputError, escape_unprintable
+from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.scenes.styles import LIGHTS, STYLES
 from spacemap_vtk.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -152,6 +153,34 @@ Style = Annotated[
         group=PICTURE,
     ),
 ]
+Light = Annotated[
+    str | None,
+    Parameter(
+        name="--light",
+        help=f"Light on the scene: {', '.join(LIGHTS)}. Default: that of the style.",
+        completer=completers.light_names,
+        group=PICTURE,
+    ),
+]
+Camera = Annotated[
+    str | None,
+    Parameter(
+        name="--camera",
+        help=f"Camera: {', '.join(CAMERAS)}, or one that the scene stores (view.cameras).",
+        completer=completers.camera_names,
+        group=PICTURE,
+    ),
+]
+InsetPlaces = Annotated[
+    tuple[str, ...],
+    flag(
+        "Draw a close-up of a place in a frame: the place as shares of the picture from the left "
+        "and from below, and the magnification, for example --inset 0.4,0.6,8. Repeat the option "
+        "for several (see view.insets).",
+        "--inset",
+        group=PICTURE,
+    ),
+]
 ScaleBar = Annotated[
     bool,
     flag("Draw a scale bar; with perspective, for the plane of the camera's focus.", group=PICTURE),
@@ -173,6 +202,10 @@ def open_scene(
     start: str | None = None,
     stop: str | None = None,
     fps: str | None = None,
+    light: str | None = None,
+    camera: str | None = None,
+    orbit: str | None = None,
+    insets: Sequence[str] = (),
     annotations: Mapping[str, bool] | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
@@ -198,6 +231,9 @@ def open_scene(
         ("--fps", "animation", "frames_per_second", fps),
         ("--color", "view", "color", color),
         ("--style", "view", "style", style),
+        ("--light", "view", "light", light),
+        ("--camera", "view", "camera", camera),
+        ("--orbit", "animation", "orbit", orbit),
     ):
         if value is not None:
             try:
@@ -208,6 +244,8 @@ def open_scene(
     for key, given in (annotations or {}).items():
         if given:
             scene.assign("view", key, True)
+    if insets:
+        scene.assign("view", "insets", [_parse_inset(text) for text in insets])
     if size is not None:
         try:
             scene.assign("view", "size", size.lower().split("x"))
@@ -223,6 +261,26 @@ def open_scene(
     for text in describe_outside_files(scene):
         scene.warn(text)
     return scene
+
+
+def _parse_inset(text: str) -> dict[str, Any]:
+    """Parse the place and the magnification of an inset."""
+    try:
+        x, y, *magnification = map(float, text.split(","))
+    except ValueError:
+        magnification = [0.0, 0.0]
+    if len(magnification) > 1:
+        raise InputError(
+            "must be a place in the picture, and a magnification",
+            key="--inset",
+            value=text,
+            allowed="X,Y,MAGNIFICATION with shares of the picture from the left and from below, "
+            "for example 0.4,0.6,8",
+        )
+    inset: dict[str, Any] = {"place": [x, y]}
+    if magnification:
+        inset["magnification"] = magnification[0]
+    return inset
 
 
 def parse_times(given: Sequence[str], option: str = "--times") -> list[float]:

@@ -9,17 +9,21 @@ import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer, vtkRenderWindow
 
 from spacemap_vtk.ndarrays import AnyFloats, Floats, Ints, Singles
-from spacemap_vtk.scenes.settings import CAMERAS, FLAT
+from spacemap_vtk.scenes.cameras import CAMERAS, FLAT, VIEW_ANGLE
+from spacemap_vtk.scenes.saved_cameras import SavedCamera
+from spacemap_vtk.scenes.settings import View
 
 #: Least component of the camera's up vector along the up axis: cameras turn no nearer to a pole.
 _POLE = 0.01
-#: Vertical view angle of the camera, in degrees.
-VIEW_ANGLE = 24.0
+#: A camera that is rolled by less than this, as 1 minus a cosine, is upright.
+_ROLL = 1e-4
 
 
-def camera_up_axis(name: str) -> int:
-    """Return the index of the up axis for a named camera."""
-    return 2 if name == "lying" else 1
+def camera_up_axis(aim: Aim) -> int:
+    """Return the index of the up axis for a camera."""
+    if isinstance(aim, Viewpoint):
+        return int(np.abs(aim.up).argmax())
+    return 2 if aim == "lying" else 1
 
 
 def camera_directions(name: str, up: int) -> Floats:
@@ -76,11 +80,62 @@ class Viewpoint(NamedTuple):
         if self.parallel_scale:
             camera.SetParallelScale(self.parallel_scale)
 
+    @classmethod
+    def from_saved(cls, camera: SavedCamera) -> Viewpoint:
+        """Return the placement of a saved camera."""
+        scale = 0.0 if camera.height is None else camera.height / 2
+        return cls(camera.position, camera.focal_point, camera.up, scale, camera.angle)
+
+    def as_saved(self, axis: int) -> dict[str, Any]:
+        """Return the values of a saved camera at this viewpoint; `axis` is up in the scene."""
+        # The axis itself is easier to read than the camera's up direction, unless the camera has
+        # been rolled, or looks along the axis.
+        ahead, upright = np.subtract(self.focus, self.position), np.eye(3)[axis]
+        across = np.cross(ahead, upright)
+        own = np.cross(ahead, self.up)
+        sine = np.linalg.norm(across) / np.linalg.norm(ahead)
+        turned = across @ own / (np.linalg.norm(across) * np.linalg.norm(own) or 1.0)
+        up = upright if sine > _POLE and turned > 1.0 - _ROLL else np.array(self.up)
+        values: dict[str, Any] = {
+            "position": _round_values(self.position),
+            "focal_point": _round_values(self.focus),
+            "up": _round_values(up),
+        }
+        if self.parallel_scale:
+            values["height"] = _round_values([2 * self.parallel_scale])[0]
+        elif abs(self.angle - VIEW_ANGLE) > 1e-9:
+            values["angle"] = _round_values([self.angle])[0]
+        return values
+
+    def turned(self, angle: float, axis: int) -> Viewpoint:
+        """Return this viewpoint, turned round its focus about an axis by an angle in degrees."""
+        cosine, sine = float(np.cos(np.radians(angle))), float(np.sin(np.radians(angle)))
+        matrix = np.eye(3)
+        first, second = (axis + 1) % 3, (axis + 2) % 3
+        matrix[[first, first, second, second], [first, second, first, second]] = (
+            *(cosine, -sine),
+            *(sine, cosine),
+        )
+        focus = np.array(self.focus)
+        position = focus + matrix @ np.subtract(self.position, focus)
+        up = matrix @ np.array(self.up)
+        return self._replace(position=tuple(position.tolist()), up=tuple(up.tolist()))
+
     def widen(self, factor: float) -> Viewpoint:
         """Return this viewpoint with a field of view that is `factor` times as high."""
         slope = factor * np.tan(np.radians(self.angle / 2))
         angle = float(np.degrees(2 * np.arctan(slope)))
         return self._replace(parallel_scale=factor * self.parallel_scale, angle=angle)
+
+
+#: Where a camera is: the name of one that shows the whole scene, or a viewpoint.
+Aim = str | Viewpoint
+
+
+def aim_of(view: View) -> Aim | None:
+    """Return where the camera of a view is; None if that follows from the scene."""
+    saved = view.saved_camera
+    return view.camera if saved is None else Viewpoint.from_saved(saved)
 
 
 class CameraView(NamedTuple):
@@ -159,9 +214,14 @@ def add_front_renderer(window: vtkRenderWindow, renderer: vtkRenderer) -> vtkRen
 
 
 def aim_camera(
-    camera: vtkCamera, points: Floats, aspect: float, name: str | None, zoom: float, axis: int = 1
+    camera: vtkCamera, points: Floats, aspect: float, name: Aim | None, zoom: float, axis: int = 1
 ) -> None:
-    """Place a camera so that the points just fill the picture; `axis` is up for a named camera."""
+    """Place a camera so that the points just fill the picture, or at a viewpoint."""
+    # `axis` is up for a named camera; without a name, the camera keeps its direction.
+    if isinstance(name, Viewpoint):
+        name.apply_to(camera)
+        zoom_in(camera, zoom)
+        return
     if name is None:
         directions = np.subtract(camera.GetPosition(), camera.GetFocalPoint()), camera.GetViewUp()
     else:
@@ -193,6 +253,13 @@ def aim_camera(
     camera.SetViewAngle(VIEW_ANGLE)
     if name == FLAT:
         _use_parallel_projection(camera, points[:, :2], aspect, zoom)
+
+
+def _round_values(values: Sequence[float] | Floats) -> list[float]:
+    """Round numbers to six digits of the largest."""
+    largest = max(map(abs, values)) or 1.0
+    digits = 5 - int(np.floor(np.log10(largest)))
+    return [round(float(value), digits) + 0.0 for value in values]
 
 
 def zoom_in(camera: vtkCamera, factor: float) -> None:

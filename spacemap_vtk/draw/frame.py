@@ -15,7 +15,7 @@ from spacemap_vtk.datasets.extent import up_axis
 from spacemap_vtk.datasets.modal_model import MODE_NAME
 from spacemap_vtk.draw.actors.color_values import add_color_values
 from spacemap_vtk.draw.actors.load_arrows import Arrows, load_arrows
-from spacemap_vtk.draw.camera import CameraView
+from spacemap_vtk.draw.camera import Aim, CameraView, aim_of
 from spacemap_vtk.draw.detail.underlay import Underlay
 from spacemap_vtk.draw.obstacles import ShownObstacles, show_obstacles
 from spacemap_vtk.filters.load_parameters import LoadParameters
@@ -47,8 +47,8 @@ class Frame:
     closed: bool = False
     #: Depth of the surface's folds in m; for a fabric, the diameter of a yarn.
     relief: float = 0.0
-    #: Name of the camera, a key of `spacemap_vtk.scenes.settings.CAMERAS`.
-    camera: str = "three-quarter"
+    #: Where the camera of the scene is.
+    camera: Aim = "three-quarter"
     #: Values chosen for automatic parameters, by section and name.
     in_use: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     #: Arrows of the loads on the cage; None if the loads are unknown.
@@ -114,7 +114,7 @@ def frame_of(
         relief=relief_of(scene),
         camera=camera_of(scene),
         in_use={
-            "view": {"camera": camera_of(scene)},
+            "view": {"camera": scene.view.camera or camera_of(scene)},
             **{stage.section: stage.values_in_use for stage in scene.stages},
         },
         arrows=arrows_of(scene, time) if loads else None,
@@ -124,10 +124,11 @@ def frame_of(
     )
 
 
-def camera_of(scene: Scene) -> str:
+def camera_of(scene: Scene) -> Aim:
     """Return the camera of a scene; by default "lying" if z is up in its object."""
-    if scene.view.camera is not None:
-        return scene.view.camera
+    aim = aim_of(scene.view)
+    if aim is not None:
+        return aim
     return "lying" if up_axis(scene.source.output) == 2 else type(scene.view).camera.default
 
 

@@ -37,6 +37,7 @@ from spacemap_vtk.draw.actors.surface_actor import (
     ramp_colors,
     rgb_table,
 )
+from spacemap_vtk.draw.camera import Viewpoint, camera_up_axis
 from spacemap_vtk.draw.detail.far_cloth import FarClothRecorder, make_shading, measure_exposures
 from spacemap_vtk.draw.detail.yarn_recorder import SurfaceRecorder
 from spacemap_vtk.draw.frame import camera_of, relief_of
@@ -59,12 +60,13 @@ from spacemap_vtk.ndarrays import (
     StepProgress,
 )
 from spacemap_vtk.parallel import blocks
+from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.level_of_detail import FILE_POINTS, DrawnCloth, sides_in_file
 from spacemap_vtk.scenes.memory_estimates import frame_bytes, mesh_bytes, patch_bytes
 from spacemap_vtk.scenes.report import report_modes
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import CAMERAS, View
+from spacemap_vtk.scenes.settings import View
 
 #: Default tolerance as a share of the thinnest yarn's diameter.
 _YARN_TOLERANCE = 0.02
@@ -626,7 +628,15 @@ def _initial_view(scene: Scene) -> InitialView:
         if (style.bottom_color, style.top_color) != (default.bottom_color, default.top_color)
         else None
     )
-    return InitialView(CAMERAS, camera_of(scene), view.zoom, background, relief_of(scene), shadows)
+    aim, cameras, name = camera_of(scene), CAMERAS, str(view.camera)
+    if not isinstance(aim, Viewpoint):
+        name = aim
+    else:
+        # The page aims at the whole surface, in the saved camera's direction.
+        axis = np.eye(3)[camera_up_axis(aim)]
+        back = np.subtract(aim.position, aim.focus)
+        cameras = {**CAMERAS, name: (tuple(back.tolist()), tuple(axis.tolist()))}
+    return InitialView(cameras, name, view.zoom, background, relief_of(scene), shadows)
 
 
 def _triangles(surface: vtkPolyData) -> tuple[Ints, Ints]:

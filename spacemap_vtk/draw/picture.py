@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -33,12 +34,14 @@ from spacemap_vtk.draw.compose import (
     gradient_background,
     transparent_background,
 )
+from spacemap_vtk.draw.depth_of_field import mean_over_lens
 from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.detail.facets import choose_facets
 from spacemap_vtk.draw.detail.underlay import ClothUnderlay
 from spacemap_vtk.draw.detail.yarn_parts import YarnPieces
 from spacemap_vtk.draw.frame import Frame, arrows_of, camera_of, frame_of, relief_of
 from spacemap_vtk.draw.graphics import WITHOUT_OPENGL, uses_software_renderer
+from spacemap_vtk.draw.inset import place_inset, view_of_inset
 from spacemap_vtk.draw.obstacles import obstacle_reach
 from spacemap_vtk.draw.offscreen import OffscreenWindow, open_offscreen
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions
@@ -76,6 +79,8 @@ _FINE_SIDES = 4
 _SHEET_PIXELS = 0.1
 #: Height of a picture in which a point is one pixel.
 _POINT_HEIGHT = 960
+#: Angle between two moments of an orbit for which the camera leaves room, in degrees.
+_ORBIT_STEP = 15.0
 #: Least size of a point, in pixels.
 _LEAST_POINT = 0.6
 
@@ -119,6 +124,8 @@ class Picture:
         Whether there is no background, as for `for_page`, but a scale.
     wireframe : bool
         Whether only the edges of the fabric's facets are drawn.
+    orbits : bool
+        Whether the camera goes round the scene as ``[animation]`` says.
 
     Raises
     ------
@@ -139,12 +146,17 @@ class Picture:
         for_page: bool = False,
         transparent: bool = False,
         wireframe: bool = False,
+        orbits: bool = False,
     ) -> None:
         # Checked first, so that a machine that cannot draw does not solve the scene in vain.
         opengl = not uses_software_renderer()
         if not opengl:
             scene.warn(WITHOUT_OPENGL)
         self._wireframe = wireframe
+        #: View for which the facets of the yarns were chosen; None without yarns.
+        self._facets_for: CameraView | None = None
+        #: Whether an inset has chosen other facets since.
+        self._inset_facets = False
         self._viewpoint, self._for_page, self._transparent = (
             viewpoint,
             for_page,
@@ -161,10 +173,14 @@ class Picture:
         choose = partial(choose_picture_facets, scene, (width, height), show, viewpoint, for_page)
         points, self._span = extent or motion_extent(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
+        self._up, self._orbits = camera_up_axis(camera_of(scene)), orbits and scene.animation.orbit
+        if self._orbits:
+            points = _turn_points(points, self._up, scene.animation.orbit)
         cloth = DrawnCloth.from_scene(scene)
         if cloth is not None:
             view = _camera_view(scene, (width, height), show, viewpoint, for_page, points)
             self.level = _set_facets(scene, cloth, self.level, points, view)
+            self._facets_for = view
             if self.level.method in (DrawingMethod.PIECES, DrawingMethod.TILES):
                 require_pixels(scene, self._request)  # they need more than those of the sheet
             #: Largest error of a sheet's points in m.
@@ -174,6 +190,14 @@ class Picture:
             self.panels.append(self._make_panel(scene, panel, (w, height), points))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces = None if cloth is None else self._make_pieces(cloth)
+        #: The cameras of the panels at the beginning.
+        self._viewpoints = [Viewpoint.from_camera(each.window.camera) for each in self.panels]
+        self._has_lens = scene.view.aperture > 0.0
+        if self._has_lens and self._viewpoints[-1].parallel_scale:
+            self._has_lens = False
+            scene.warn(
+                "view.aperture is ignored: a camera without perspective has no depth of field"
+            )
         #: Makes the dark layer inside a closed cloth; None if there is none, or no yarn is drawn.
         self._underlay: ClothUnderlay | None = None
         if self.sheet is None or self.pieces is not None:
@@ -215,6 +239,7 @@ class Picture:
             Red, green and blue; without background also the coverage, shape (height, width, 4).
         """
         view, sheet, surface, cloth, crossings = self.scene.view, self.sheet, None, None, None
+        self._aim_cameras(time)
         if sheet is None:
             self.scene.update(time)
         else:
@@ -226,13 +251,65 @@ class Picture:
         if self._underlay is not None:
             cage = self.scene.deformed_cage if self.scene.moves else None
             frame = replace(frame, underlay=self._underlay.in_cage(cage))
-        return np.concatenate([self._draw_panel(panel, frame) for panel in self.panels], axis=1)
+        drawn = [self._draw_panel(panel, frame) for panel in self.panels]
+        if view.insets and not self._for_page:
+            drawn[-1] = self._add_insets(drawn[-1], frame)
+        return np.concatenate(drawn, axis=1)
+
+    def _aim_cameras(self, time: float) -> None:
+        """Turn the cameras on their orbit, and choose the facets again if that is needed."""
+        turn = self.scene.animation.turn_at(time) if self._orbits else 0.0
+        for panel, start in zip(self.panels, self._viewpoints, strict=True):
+            start.turned(turn, self._up).apply_to(panel.window.camera)
+        if self._facets_for is not None and (turn or self._inset_facets):
+            aim = self._facets_for.viewpoint.turned(turn, self._up)
+            view = self._facets_for._replace(viewpoint=aim)
+            choose_facets(self.scene.surface, self.level, view, self.scene.view.yarn_look)
+
+    def _add_insets(self, image: Image, frame: Frame) -> Image:
+        """Draw the insets of the last panel over its picture."""
+        scene, panel = self.scene, self.panels[-1]
+        content = panel_contents(scene, self._request.panels)[-1]
+        surface = frame.surface if self.sheet is None else self.sheet.moved
+        extent = points_of(surface).astype(np.float64), self._span
+        for number, inset in enumerate(scene.view.insets):
+            shown = view_of_inset(number, inset, panel.window.camera, surface, panel.size)
+            close = Picture(
+                scene,
+                [frame.time],
+                (shown.side, shown.side),
+                [content],
+                shown.viewpoint,
+                extent,
+                for_page=True,
+                wireframe=self._wireframe,
+            )
+            image = place_inset(image, close.draw(frame.time), shown, scene.view)
+            close.close()
+            self._inset_facets = True
+        return image
 
     def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:
+        """Draw a panel with its camera, or with all cameras on the lens."""
+        if not self._has_lens:
+            return self._draw_once(panel, frame)
+        width, height = panel.size
+        return mean_over_lens(
+            panel.window.camera,
+            self.scene.view,
+            width / height,
+            lambda place: self._draw_once(panel, frame, place),
+        )
+
+    def _draw_once(
+        self, panel: _Panel, frame: Frame, place_camera: Callable[[], None] | None = None
+    ) -> Image:
         window, scene_view, options, has_shadows, background, _ = panel
         view, pieces = self.scene.view, self.pieces if options.fabric else None
         options = replace(options, sheet=pieces is None)
         scene_view.show(frame, view, options, self._span, self._cut)
+        if place_camera is not None:
+            place_camera()
         self._set_clipping_range(window, pieces)
         # The colours of cloth, as yarns or as a sheet, include the contact shadows of its yarns.
         has_shadows = has_shadows and self.sheet is None and not scene_view.has_exposure
@@ -319,8 +396,10 @@ class Picture:
         point = block * max(_LEAST_POINT, size[1] / _POINT_HEIGHT) * view.line_scale
         scene_view.fit(view, size, block, point)
         scene_view.sheet.set_grain(block)
-        scene_view.sheet.shows_face = flat_cloth(scene) is not None and self._viewpoint is None
-        scene_view.floor = float(extent[:, camera_up_axis(camera_of(scene))].min())
+        scene_view.sheet.shows_face = (
+            flat_cloth(scene) is not None and self._viewpoint is None and not self._orbits
+        )
+        scene_view.floor = float(extent[:, self._up].min())
         window.hide_background()
         if view.loads:
             window.add_front_prop(scene_view.loads.pale_copy)
@@ -451,6 +530,22 @@ def _value_range(scene: Scene, time: float, sheet: ClothSheet | None) -> list[fl
         if numbers is None:
             numbers = sheet.crossings if sheet.extremes is None else sheet.extremes
     return [] if numbers is None else [float(numbers.min()), float(numbers.max())]
+
+
+def _turn_points(points: Floats, axis: int, angle: float) -> Floats:
+    """Return points turned about their middle in steps, so that all of an orbit is in view."""
+    # The camera turns, so that the points turn the other way for it.
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    count = 2 + int(min(abs(angle), 360.0) // _ORBIT_STEP)
+    thin = _thin_out(points).astype(np.float64) - middle
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    turned = []
+    for turn in np.radians(np.linspace(0.0, -math.copysign(min(abs(angle), 360.0), angle), count)):
+        each = thin.copy()
+        each[:, first] = np.cos(turn) * thin[:, first] - np.sin(turn) * thin[:, second]
+        each[:, second] = np.sin(turn) * thin[:, first] + np.cos(turn) * thin[:, second]
+        turned.append(each + middle)
+    return np.concatenate(turned)
 
 
 def combine_extents(extents: Sequence[Extent]) -> Extent:

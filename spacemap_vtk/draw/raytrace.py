@@ -19,8 +19,9 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import bodies_of
 from spacemap_vtk.datasets.moving_surface import to_linear_light
-from spacemap_vtk.draw.camera import VIEW_ANGLE, aim_camera, pixels_per_metre, project_points
+from spacemap_vtk.draw.camera import Viewpoint, aim_camera, pixels_per_metre, project_points
 from spacemap_vtk.draw.compose import gradient_background
+from spacemap_vtk.draw.depth_of_field import focus_distance
 from spacemap_vtk.draw.detail.yarn_recorder import YarnRecorder
 from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Image, motion_extent
@@ -29,7 +30,7 @@ from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Bools, Floats, StepProgress
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
-from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.scenes.styles import LIGHTS, STYLES
 from spacemap_vtk.temporary_files import temporary_folder
 from spacemap_vtk.textile.geometry.strand_curves import StrandCurves, fibre_count
 
@@ -47,6 +48,7 @@ _IGNORED = [
     "transparent",
     "irregularity",
     "irregularity_seed",
+    "insets",
 ]
 #: Number of passes of ray tracing; progress is reported after each.
 _PASSES = 8
@@ -129,7 +131,7 @@ def raytrace(
         cure="Increase view.zoom, or draw a smaller picture.",
     )
     report_progress(1, _PASSES + 1)
-    light = _trace(curves, colors, camera, size, samples, report_progress)
+    light = _trace(curves, colors, camera, size, samples, scene.view, report_progress)
     background = gradient_background(
         size, scene.view.resolved_style.bottom_color, scene.view.resolved_style.top_color
     )
@@ -164,6 +166,7 @@ def _trace(
     camera: vtkCamera,
     size: tuple[int, int],
     samples: int,
+    view: View,
     report_progress: StepProgress,
 ) -> Floats:
     """Return linear light and coverage of each pixel, (height, width, 4)."""
@@ -180,8 +183,8 @@ def _trace(
             {
                 "type": "scene",
                 "integrator": {"type": "path", "max_depth": _BOUNCES, "hide_emitters": True},
-                "sensor": _sensor(mi, camera, size, scale),
-                **_lights(mi, camera, scale),
+                "sensor": _sensor(mi, camera, size, scale, view),
+                **_lights(mi, camera, scale, view.light),
                 **shapes,
             }
         )
@@ -235,7 +238,9 @@ def _absorption(color: Floats) -> Floats:
     return np.asarray((np.log(color) / fit) ** 2)
 
 
-def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> dict[str, Any]:
+def _sensor(
+    mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float, view: View
+) -> dict[str, Any]:
     position, focus = (scale * np.array(p) for p in (camera.GetPosition(), camera.GetFocalPoint()))
     transform = mi.ScalarTransform4f().look_at(
         position.tolist(), focus.tolist(), list(camera.GetViewUp())
@@ -257,10 +262,18 @@ def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> 
             "film": film,
             "far_clip": 10 * distance,
         }
+    lens: dict[str, Any] = {"type": "perspective"}
+    if view.aperture:
+        sharp = scale * focus_distance(Viewpoint.from_camera(camera), view.focus)
+        lens = {
+            "type": "thinlens",
+            "aperture_radius": 0.5 * view.aperture * sharp,
+            "focus_distance": sharp,
+        }
     return {
-        "type": "perspective",
+        **lens,
         "to_world": transform,
-        "fov": VIEW_ANGLE,
+        "fov": camera.GetViewAngle(),
         "fov_axis": "y",
         "near_clip": 1e-3 * distance,
         "far_clip": 10 * distance,
@@ -268,8 +281,8 @@ def _sensor(mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float) -> 
     }
 
 
-def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
-    """Return the lamps of the studio style as area lights, and its sky."""
+def _lights(mi: Any, camera: vtkCamera, scale: float, light: str | None) -> dict[str, Any]:
+    """Return the lamps of a light, by default of the studio style, as area lights, and its sky."""
     focus, position = np.array(camera.GetFocalPoint()), np.array(camera.GetPosition())
     back = position - focus
     distance = float(np.linalg.norm(back))
@@ -277,7 +290,7 @@ def _lights(mi: Any, camera: vtkCamera, scale: float) -> dict[str, Any]:
     up = np.array(camera.GetViewUp()) - np.dot(camera.GetViewUp(), back) * back
     up /= np.linalg.norm(up)
     right = np.cross(up, back)
-    style = STYLES["studio"]
+    style = STYLES["studio"] if light is None else LIGHTS[light].apply_to(STYLES["studio"])
     sky = {
         "type": "constant",
         "radiance": {"type": "rgb", "value": [_EXPOSURE * 0.5 * c for c in style.sky]},

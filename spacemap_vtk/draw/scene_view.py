@@ -390,7 +390,8 @@ class SceneView:
         strength = self.occlusion if self.has_shadows else 0.0
         self.sheet.set_shadow_strength(strength)
         self.sheet.show_sheet(sheet, cloth, frame.color, self._span, style, frame.crossings)
-        self.sheet.set_hole_color(hole_color(cloth) if strength > 0.0 else None)
+        is_dark_inside = strength > 0.0 and not style.shines_through
+        self.sheet.set_hole_color(hole_color(cloth) if is_dark_inside else None)
         self._set_representation(self.sheet)
 
     def _show_surface(self, actor: SurfaceActor, frame: Frame) -> None:

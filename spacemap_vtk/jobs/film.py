@@ -83,11 +83,12 @@ class FilmJob(Job):
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the times of the frames."""
-        if not scene.moves:
+        if not (scene.moves or scene.animation.orbit):
             raise InputError(
                 "nothing in this scene moves, so all frames would be the same",
-                cure="Add a section [response], for example with --set response.alpha=1, or draw a "
-                'picture with "spacemap render".',
+                cure='Let the camera go round it with "--orbit 360deg", add a section [response], '
+                "for example with --set response.alpha=1, or draw a picture with "
+                '"spacemap render".',
             )
         scene.check()
         return film_times(scene)

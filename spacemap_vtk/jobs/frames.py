@@ -104,7 +104,9 @@ class FilmSettings:
         """Return an object that draws the frames of a scene."""
         view = self.size, self.panels, self.viewpoint, extent
         clear = scene.view.transparent
-        return Picture(scene, self.times, *view, transparent=clear, wireframe=self.wireframe)
+        return Picture(
+            scene, self.times, *view, transparent=clear, wireframe=self.wireframe, orbits=True
+        )
 
     @property
     def digest(self) -> str:

@@ -114,6 +114,7 @@ class PictureJob(Job):
             self.place,
             transparent=scene.view.transparent,
             wireframe=self.wireframe,
+            orbits=self.framed,
         )
         image = picture.draw(time)
         picture.close()

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from spacemap_vtk.errors import SpacemapError, add_section_to_errors
 from spacemap_vtk.filters.textile import Woven
+from spacemap_vtk.scenes.cameras import FLAT
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import FLAT, MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
+from spacemap_vtk.scenes.settings import MANY_THREADS, SMALLEST_SIDE, USUAL_SIZE, WIDE_SIDE
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: A cloth is drawn completely up to this many times its width.

@@ -267,6 +267,7 @@ class Scene:
         """
         self._write(section, key, value)
         self.assigned.add((section, key))
+        self._check_camera(section)
         part = self.parts[section]
         if isinstance(part, Stage) and part not in self.stages:
             self._sections.add(section)
@@ -372,6 +373,12 @@ class Scene:
         return [
             name for name, color in COLORINGS.items() if not color.array or color.array in there
         ]
+
+    def _check_camera(self, section: str) -> None:
+        """Refuse the name of a camera that does not exist, once a section is complete."""
+        if section == View.section:
+            with add_section_to_errors(section):
+                _ = self.view.saved_camera
 
     def _check_color(self) -> None:
         color = COLORINGS.get(self.view.color)
@@ -534,6 +541,7 @@ class Scene:
             with add_section_to_errors(section):
                 value = part.parameter(key).resolve_path(value, folder)
             self._write(section, key, value)
+        self._check_camera(section)
 
     def _write(self, section: str, key: str, value: Any) -> None:
         part = require_part(self.parts, section)

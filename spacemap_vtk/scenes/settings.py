@@ -6,12 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.parameters import Choice, Color, Flag, Integer, Parameterised, Real, Vector
+from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
-from spacemap_vtk.scenes.styles import STYLES, Style
+from spacemap_vtk.scenes.insets import Insets
+from spacemap_vtk.scenes.saved_cameras import (
+    CameraName,
+    Direction,
+    SavedCamera,
+    SavedCameras,
+    require_camera,
+)
+from spacemap_vtk.scenes.styles import LIGHTS, STYLES, Style
 from spacemap_vtk.textile.geometry.irregularity import Irregularity
 
 #: Size of a picture if none is given.
@@ -39,38 +47,8 @@ BACKGROUNDS: dict[str, tuple[str | None, str | None]] = {
     "Black": ("#000000", "#000000"),
 }
 
-#: Position of each camera, as a direction from the middle of the scene, and the direction that is
-#: up: y, or z for `lying`; neither can be up in views along y.
-CAMERAS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
-    "three-quarter": ((0.75, 0.35, 1.0), (0.0, 1.0, 0.0)),
-    "isometric": ((1.0, 1.0, 1.0), (0.0, 1.0, 0.0)),
-    "front": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-    "back": ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
-    "side": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "right": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "left": ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    "top": ((0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
-    "bottom": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
-    "lying": ((0.45, -1.0, 0.55), (0.0, 0.0, 1.0)),
-    "face": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-}
-#: Cameras that look along an axis.
-SIDES = ("front", "back", "right", "left", "top", "bottom")
-#: The camera without perspective.
-FLAT = "face"
 #: Condition under which the cage is drawn.
 _CAGE = {"show": ("cage", "both", "side by side")}
-
-
-class Direction(Vector):
-    """A vector whose length is not zero."""
-
-    def convert(self, value: Any) -> tuple[Any, ...]:
-        """Convert to three numbers, not all zero."""
-        found = super().convert(value)
-        if not any(found):
-            raise InputError("must not be the zero vector")
-        return found
 
 
 class View(Parameterised):
@@ -90,14 +68,15 @@ class View(Parameterised):
         "and the displacement to the equilibrium (modal.gravity) are interpolated from the cage.",
         list(COLORINGS),
     )
-    camera = Choice(
+    camera = CameraName(
         "three-quarter",
-        "Where the camera is; side is right. lying: z points up, as for cloth on a table. face: "
-        "from the front without perspective; if a draft makes the cloth far longer than wide, only "
-        "its beginning is drawn.",
-        list(CAMERAS),
+        "Where the camera is, or the name of a saved camera; side is right. lying: z points up, as "
+        "for cloth on a table. face: from the front without perspective; if a draft makes the "
+        "cloth far longer than wide, only its beginning is drawn.",
+        [*CAMERAS],
         automatic="three-quarter, or lying if z points up in an object",
     )
+    cameras = SavedCameras((), "Cameras with names of their own, for view.camera.")
     size = Vector(
         None,
         "Width and height of the picture in pixels.",
@@ -110,6 +89,24 @@ class View(Parameterised):
     )
     time = Real(0.0, "Time of a still picture.", unit="s", minimum=0.0)
     zoom = Real(1.0, "Magnification; above 1 the camera is nearer.", minimum=0.1, maximum=100.0)
+    aperture = Real(
+        0.0,
+        "Diameter of the camera's lens, as a share of its distance from what is sharp. What is "
+        "nearer or farther is blurred, as in photographs; 0.02 to 0.2 is usual. 0: all is sharp.",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    focus = Vector(
+        None,
+        "A point that is sharp, with all others at its distance from the plane of the lens.",
+        component=Real(0.0, "", unit="m"),
+        automatic="the middle of the picture",
+    )
+    insets = Insets(
+        (),
+        "Close-ups of places of the picture, each in a frame; only in pictures and films, not in "
+        "the window.",
+    )
     supports = Flag(True, "Draw dots at the cage's fixed vertices.", when=_CAGE)
     loads = Flag(
         False, "Draw arrows for the loads on the cage; their length shows the present strength."
@@ -145,6 +142,14 @@ class View(Parameterised):
         "Style of drawing. studio: cloth in warm and cool light. paper: plain, on white, for "
         "printing. schematic: flat colours, black lines. blueprint: white lines on blue.",
         list(STYLES),
+    )
+    light = Choice(
+        None,
+        "Light on the scene; its lamps turn with the camera. "
+        + "; ".join(f"{name}: {light.help}" for name, light in LIGHTS.items())
+        + ".",
+        list(LIGHTS),
+        automatic="the light of the style",
     )
     background = Color(
         None, "Colour of the background at the bottom.", automatic="the colour of the style"
@@ -189,6 +194,11 @@ class View(Parameterised):
     )
 
     @property
+    def saved_camera(self) -> SavedCamera | None:
+        """The chosen camera, if it is a saved one; an unknown name is refused."""
+        return require_camera(self.camera, self.cameras)
+
+    @property
     def yarn_look(self) -> Irregularity:
         """How irregular woven yarns are drawn."""
         given, usual = self.irregularity, STYLES[self.style].irregularity
@@ -198,15 +208,18 @@ class View(Parameterised):
 
     @property
     def resolved_style(self) -> Style:
-        """The style with the chosen background."""
+        """The style with the chosen light and background."""
         style = STYLES[self.style]
+        if self.light is not None:
+            style = LIGHTS[self.light].apply_to(style)
         below = style.bottom_color if self.background is None else self.background
         above = style.top_color if self.background_top is None else self.background_top
         return replace(style, bottom_color=below, top_color=above)
 
     def for_window(self, dark: bool) -> View:
-        """Return the view for a window: dark like it, unless a background or a style is given."""
-        if not dark or {"background", "background_top", "style"} & self.given_values.keys():
+        """Return the view for a window: dark like it, unless the scene chooses its background."""
+        own = {"background", "background_top", "style"} & self.given_values.keys()
+        if not dark or own or (self.light is not None and LIGHTS[self.light].background):
             return self
         below, above = BACKGROUNDS["Dark"]
         return View(**{**self.settings, "background": below, "background_top": above})
@@ -238,11 +251,24 @@ class Animation(Parameterised):
     stop = Real(2.0, "Time at which the film ends.", unit="s", above=0.0)
     frames_per_second = Real(25.0, "Frames per second of film.", above=0.0, maximum=1000.0)
     speed = Real(1.0, "Seconds of motion per second of film.", above=0.0)
+    orbit = Real(
+        0.0,
+        "Angle through which the camera goes round the scene during the film, anticlockwise seen "
+        "from above; a still scene can be filmed, too. 1 turn: once round.",
+        unit="deg",
+        minimum=-36000.0,
+        maximum=36000.0,
+    )
 
     @property
     def span(self) -> tuple[float, float]:
         """Start and end; the end is slightly later than the start if there is nothing to show."""
         return self.start, max(self.stop, self.start * (1 + 1e-9))
+
+    def turn_at(self, time: float) -> float:
+        """Return the angle through which the camera has gone round at a time, in degrees."""
+        start, stop = self.span
+        return self.orbit * (time - start) / (stop - start) if stop > start else 0.0
 
     def frame_times(self) -> list[float]:
         """Return the time of each frame."""

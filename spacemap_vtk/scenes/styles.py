@@ -69,6 +69,8 @@ class Style:
     ground_color: RGB = (255, 255, 255)
     #: Irregularity of woven yarns, unless a scene gives it.
     irregularity: float = 0.0
+    #: Whether the light behind the cloth shines through holes that would be dark inside.
+    shines_through: bool = False
 
     @property
     def for_obstacles(self) -> Style:
@@ -98,7 +100,7 @@ class Style:
         )
 
 
-#: The styles, the usual one first.
+#: The styles, the usual one first. The light "style" of a scene is the light of its style.
 STYLES = {
     "studio": Style(
         "Studio",
@@ -150,5 +152,98 @@ STYLES = {
         tint=((0.05, 0.17, 0.38), (0.30, 0.50, 0.78)),
         obstacle_color=(120, 120, 120),
         ground_color=(60, 60, 60),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Light:
+    """A light that replaces the light of a style; its lamps turn with the camera."""
+
+    label: str
+    help: str
+    sky: Light3
+    earth: Light3
+    lamps: tuple[Lamp, ...]
+    wrap: float
+    #: Factor on the depth of the style's contact shadows.
+    shadows: float = 1.0
+    #: Factor on the gloss and sheen of the style.
+    gloss: float = 1.0
+    #: Colours of the background, at the bottom and at the top; None: those of the style.
+    background: tuple[RGB, RGB] | None = None
+    shines_through: bool = False
+
+    def apply_to(self, style: Style) -> Style:
+        """Return a style in this light."""
+        bottom, top = self.background or (style.bottom_color, style.top_color)
+        return replace(
+            style,
+            bottom_color=bottom,
+            top_color=top,
+            sky=self.sky,
+            earth=self.earth,
+            lamps=self.lamps,
+            wrap=self.wrap,
+            gloss=self.gloss * style.gloss,
+            sheen=self.gloss * style.sheen,
+            occlusion=self.shadows * style.occlusion,
+            shines_through=self.shines_through,
+        )
+
+
+#: Lights to choose from in place of a style's own light.
+LIGHTS = {
+    "studio": Light(
+        "Studio",
+        "a warm lamp on the left, a cool fill light on the right",
+        STYLES["studio"].sky,
+        STYLES["studio"].earth,
+        STYLES["studio"].lamps,
+        STYLES["studio"].wrap,
+    ),
+    "window": Light(
+        "Window",
+        "soft daylight from the left, as beside a window",
+        sky=(0.19, 0.22, 0.26),
+        earth=(0.17, 0.16, 0.15),
+        lamps=(
+            Lamp((-1.0, 0.3, 0.32), 1.05, (0.96, 0.98, 1.0)),
+            Lamp((1.0, -0.2, 0.4), 0.06, (1.0, 0.90, 0.78)),
+        ),
+        wrap=0.4,
+        gloss=0.6,
+    ),
+    "raking": Light(
+        "Raking",
+        "a lamp almost in the plane of the picture, which shows the relief of yarns",
+        sky=(0.085, 0.09, 0.10),
+        earth=(0.07, 0.066, 0.062),
+        lamps=(Lamp((-1.0, 0.5, 0.24), 1.4, (1.0, 0.96, 0.90)),),
+        wrap=0.12,
+    ),
+    "backlit": Light(
+        "Backlit",
+        "light from behind, which shines through holes and thin places",
+        sky=(0.09, 0.085, 0.08),
+        earth=(0.07, 0.066, 0.06),
+        lamps=(
+            Lamp((0.15, 0.35, -1.0), 1.75, (1.0, 0.91, 0.76)),
+            Lamp((-0.4, 0.6, 1.0), 0.10, (0.92, 0.96, 1.0)),
+        ),
+        wrap=1.15,
+        gloss=0.3,
+        background=((255, 248, 234), (255, 252, 245)),
+        shines_through=True,
+    ),
+    "flat": Light(
+        "Flat",
+        "the same light from all sides, as in a scan: the colours of the yarns themselves",
+        WHITE,
+        WHITE,
+        (),
+        0.0,
+        shadows=0.6,
+        gloss=0.0,
     ),
 }

@@ -22,9 +22,11 @@ from spacemap_vtk.draw.actors.lighting import FINE_SAMPLES
 from spacemap_vtk.draw.actors.surface_actor import color_bar_share, rgb
 from spacemap_vtk.draw.annotate.annotations import MOST_LABELS
 from spacemap_vtk.draw.camera import (
+    Aim,
     CameraView,
     Viewpoint,
     aim_camera,
+    aim_of,
     camera_directions,
     camera_up_axis,
     half_height,
@@ -36,9 +38,10 @@ from spacemap_vtk.draw.camera import (
 )
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of, visible_cells
+from spacemap_vtk.scenes.cameras import FLAT, SIDES
 from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
-from spacemap_vtk.scenes.settings import FLAT, SIDES, View
+from spacemap_vtk.scenes.settings import View
 
 if TYPE_CHECKING:
     from spacemap_vtk.app.view.clip_handle import ClipHandle
@@ -116,7 +119,7 @@ class View3D(QWidget):
         self._press_position: QPointF | None = None
         self._closed = False
         #: The last camera preset, and the viewpoint it gave.
-        self._preset: tuple[str | None, Viewpoint] | None = None
+        self._preset: tuple[Aim | None, Viewpoint] | None = None
         self._rest_timer = single_shot(self, self._end_camera_move, _REST_TIME)
         self._shadow_timer = single_shot(self, self._draw_shadows, _REST_TIME)
         #: Camera and size of the last drawing.
@@ -159,7 +162,7 @@ class View3D(QWidget):
         self.refresh(render=False)
         self._update_marks()
         if first:
-            self.reset_camera(view.camera or frame.camera)
+            self.reset_camera(aim_of(view) or frame.camera)
         self.render()
 
     def clear_scene(self) -> None:
@@ -225,7 +228,7 @@ class View3D(QWidget):
     def _up_axis(self) -> int:
         """Index of the up axis in the scene."""
         frame, view = self.frame, self._view
-        return 1 if frame is None or view is None else camera_up_axis(view.camera or frame.camera)
+        return 1 if frame is None or view is None else camera_up_axis(aim_of(view) or frame.camera)
 
     def steer(self, held: bool) -> None:
         """Draw quickly while the mouse holds the camera, and for a moment afterwards."""
@@ -417,14 +420,18 @@ class View3D(QWidget):
             # Not canvas.render(): the widget would be drawn again when Qt paints it.
             self.canvas.update()
 
-    def reset_camera(self, name: str | None = "three-quarter") -> None:
-        """Aim the camera at the whole scene; None keeps the direction."""
+    def reset_camera(self, name: Aim | None = "three-quarter") -> None:
+        """Aim the camera at the whole scene or from a viewpoint; None keeps the direction."""
         points = self._extent
         if points is None:
             return
+        if isinstance(name, Viewpoint):
+            self._go_to(name)
+            return
         width, height = max(1, self.canvas.width()), max(1, self.canvas.height())
         camera = self.canvas.camera
-        flat, was_flat = name == FLAT, self._preset is not None and self._preset[0] == FLAT
+        flat, before = name == FLAT, None if self._preset is None else self._preset[0]
+        was_flat = before == FLAT or (isinstance(before, Viewpoint) and before.parallel_scale > 0.0)
         aim_camera(
             camera,
             points,
@@ -440,6 +447,16 @@ class View3D(QWidget):
             # A parallel projection with this scale shows as much as the perspective.
             camera.SetParallelScale(half_height(camera))
         self._preset = name, self.viewpoint
+        self.render()
+
+    def _go_to(self, viewpoint: Viewpoint) -> None:
+        """Move the camera to a viewpoint."""
+        camera = self.canvas.camera
+        viewpoint.apply_to(camera)
+        self.orthographic_changed.emit(bool(viewpoint.parallel_scale))
+        if not viewpoint.parallel_scale:
+            camera.SetParallelScale(half_height(camera))
+        self._preset = viewpoint, self.viewpoint
         self.render()
 
     def zoom(self, factor: float) -> None:

@@ -9,11 +9,20 @@ import numpy as np
 from PIL import Image
 
 from spacemap_vtk.draw.actors.glyphs import cut_of
-from spacemap_vtk.draw.camera import CameraView, Viewpoint, aim_camera, half_height, zoom_in
+from spacemap_vtk.draw.camera import (
+    Aim,
+    CameraView,
+    Viewpoint,
+    aim_camera,
+    aim_of,
+    half_height,
+    zoom_in,
+)
 from spacemap_vtk.draw.frame import Frame
 from spacemap_vtk.draw.offscreen import OffscreenWindow
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of
-from spacemap_vtk.scenes.settings import FLAT, View
+from spacemap_vtk.scenes.cameras import FLAT
+from spacemap_vtk.scenes.settings import View
 
 #: JPEG quality of still pictures.
 _STILL_QUALITY = 92
@@ -44,7 +53,7 @@ class Screen:
         self._ratio = 1.0
         self._view = View()
         #: The last camera preset, and the viewpoint it gave.
-        self._preset: tuple[str | None, Viewpoint] | None = None
+        self._preset: tuple[Aim | None, Viewpoint] | None = None
         self._drawn: tuple[int, bytes] = 0, b""
 
     def show_frame(self, frame: Frame, view: View) -> None:
@@ -55,7 +64,7 @@ class Screen:
         self._view = view
         self._refresh()
         if first or moved:
-            self.aim(view.camera or frame.camera)
+            self.aim(aim_of(view) or frame.camera)
 
     def resize(self, width: float, height: float, ratio: float, dark: bool) -> None:
         """Set the picture's size in CSS pixels, device pixels per CSS pixel, and the theme."""
@@ -70,7 +79,7 @@ class Screen:
         if self._preset is not None and self._preset[1][:3] == self._place[:3]:
             self.aim(self._preset[0])
 
-    def aim(self, name: str | None) -> None:
+    def aim(self, name: Aim | None) -> None:
         """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
         if self.frame is None:
             return

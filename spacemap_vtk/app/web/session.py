@@ -19,11 +19,11 @@ from spacemap_vtk.datasets.modal_model import solver_results
 from spacemap_vtk.errors import InputError, SpacemapError, format_error
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parse_value, split_assignment
+from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import describe_outside_files
-from spacemap_vtk.scenes.settings import CAMERAS
 from spacemap_vtk.units import format_quantity
 
 #: Time after which a run is shown as running, in s.

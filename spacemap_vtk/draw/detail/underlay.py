@@ -53,8 +53,8 @@ class ClothUnderlay:
     @classmethod
     def make_if_needed(cls, scene: Scene, sheet: ClothSheet | None = None) -> ClothUnderlay | None:
         """Return the underlay of a closed cloth in its own colours; None for anything else."""
-        view = scene.view
-        if scene.woven is None or not view.shadows or not view.resolved_style.occlusion:
+        view, style = scene.view, scene.view.resolved_style
+        if scene.woven is None or not view.shadows or not style.occlusion or style.shines_through:
             return None
         if COLORINGS[view.color].shows_numbers or open_share(scene.woven.cloth) > CLOSED:
             return None

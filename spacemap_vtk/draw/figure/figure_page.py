@@ -12,7 +12,7 @@ import numpy as np
 from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.draw.annotate.view_scale import ViewScale, draw_key, view_axes, view_scale
-from spacemap_vtk.draw.camera import Viewpoint, aim_camera
+from spacemap_vtk.draw.camera import Aim, Viewpoint, aim_camera
 from spacemap_vtk.draw.figure.contact_sheet import sweep_label
 from spacemap_vtk.draw.figure.draft_sheet import LARGEST, draft_tile
 from spacemap_vtk.draw.figure.page import PageStyle, Tile, lay_out_page
@@ -274,7 +274,7 @@ def _columns(runs: int, times: int) -> int:
     return count if count <= 4 else 4 if count % 4 == 0 else 3
 
 
-def _aspect(points: Floats, view: str) -> float:
+def _aspect(points: Floats, view: Aim) -> float:
     """Return the height over the width of a picture that fits the points."""
     aspect, camera = 1.0, vtkCamera()
     for _ in range(2):

@@ -1,0 +1,90 @@
+"""Depth of field: a picture is the mean of pictures from points all over the camera's lens.
+
+Each of these cameras looks in the same direction, and its picture is shifted so that the plane of
+focus stays in place (P. Haeberli and K. Akeley, "The accumulation buffer: hardware support for
+high-quality rendering", SIGGRAPH 1990). Light is added, not displayed values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from vtkmodules.vtkRenderingCore import vtkCamera
+
+from spacemap_vtk.draw.camera import Viewpoint
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.ndarrays import Bytes, Floats
+from spacemap_vtk.scenes.settings import View
+
+#: Number of points on the lens.
+LENS_POINTS = 64
+#: Angle from each point of a spiral to the next one, with which they are spread evenly over a disc
+#: (H. Vogel, Mathematical Biosciences 44, 1979).
+_GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+
+
+def lens_points(count: int) -> Floats:
+    """Return points spread evenly over the unit disc, shape (count, 2)."""
+    number = np.arange(count)
+    radius, angle = np.sqrt((number + 0.5) / count), number * _GOLDEN_ANGLE
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def focus_distance(viewpoint: Viewpoint, focus: Sequence[float] | None) -> float:
+    """Return the distance [m] of the plane of focus from the lens."""
+    ahead = np.subtract(viewpoint.focus, viewpoint.position)
+    middle = float(np.linalg.norm(ahead))
+    if focus is None:
+        return middle
+    distance = float(np.subtract(focus, viewpoint.position) @ ahead) / middle
+    if distance <= 0.0:
+        error = InputError(
+            "the point in focus is behind the camera",
+            key="focus",
+            value=list(focus),
+            cure="Choose a point in the picture, or another camera.",
+        )
+        error.section = View.section
+        raise error
+    return distance
+
+
+def mean_over_lens(
+    camera: vtkCamera, view: View, aspect: float, draw: Callable[[Callable[[], None]], Bytes]
+) -> Bytes:
+    """Return the mean of the pictures that `draw` returns for all points of a view's lens."""
+    # `draw` gets a function that places the camera; `aspect` is that of the whole picture.
+    viewpoint = Viewpoint.from_camera(camera)
+    distance = focus_distance(viewpoint, view.focus)
+    back = np.subtract(viewpoint.position, viewpoint.focus)
+    back /= np.linalg.norm(back)
+    right = np.cross(viewpoint.up, back)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(back, right)])
+    high = distance * math.tan(math.radians(viewpoint.angle / 2))
+    center = camera.GetWindowCenter()
+    light: Floats | float = 0.0
+    cover: Floats | float = 0.0
+    for point in 0.5 * view.aperture * distance * lens_points(LENS_POINTS):
+        shift = point @ axes
+
+        def place(point: Floats = point, shift: Floats = shift) -> None:
+            camera.SetPosition(*(viewpoint.position + shift).tolist())
+            camera.SetFocalPoint(*(viewpoint.focus + shift).tolist())
+            camera.SetWindowCenter(
+                center[0] - point[0] / (high * aspect), center[1] - point[1] / high
+            )
+
+        picture = draw(place).astype(np.float64)
+        # Without background, the fourth number is the coverage of a pixel.
+        opaque = picture[..., 3:] if picture.shape[2] == 4 else np.full((1, 1, 1), 255.0)
+        light = light + opaque * np.square(picture[..., :3])
+        cover = cover + opaque
+    viewpoint.apply_to(camera)
+    camera.SetWindowCenter(*center)
+    colors = np.sqrt(light / np.maximum(cover, 1e-9))
+    if np.size(cover) > 1:
+        colors = np.concatenate([colors, cover / LENS_POINTS], axis=2)
+    return np.rint(colors).astype(np.uint8)
