@@ -17,7 +17,15 @@ import pytest
 import spacemap_vtk
 
 ROOT = Path(__file__).parents[1]
-#: Files of the package besides its two folders.
+#: Folders of the package in the checkout and installed.
+_LIBRARY, _MANUAL = Path("spacemap_vtk/library"), Path("spacemap_vtk/manual")
+_PAGES = ("explanation", "how-to", "reference", "tutorials")
+_FOLDERS = {
+    "spacemap_vtk": Path("spacemap_vtk"),
+    "scenes": _LIBRARY,
+    **{f"docs/{name}": _MANUAL / name for name in _PAGES},
+}
+#: Files of the package besides its folders.
 _FILES = ("pyproject.toml", "setup.cfg", "MANIFEST.in", "LICENSE", "README.md", "CITATION.cff")
 
 PUBLIC = "https://forge.example/weavers/cloth"
@@ -28,7 +36,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with an sdist and the wheel that was built from it."""
     work = tmp_path_factory.mktemp("published")
     checkout = work / "checkout"
-    for folder in ("spacemap_vtk", "scenes"):
+    for folder in _FOLDERS:
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / folder, checkout / folder, ignore=ignored)
     for file in _FILES:
@@ -61,9 +69,9 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
         archive.extractall(published / "installed")
     files = (
         (path, at / path.relative_to(ROOT / folder))
-        for folder, at in (("spacemap_vtk", Path("spacemap_vtk")), ("scenes", _LIBRARY))
+        for folder, at in _FOLDERS.items()
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts and _LIBRARY not in path.parents
+        if path.is_file() and "__pycache__" not in path.parts
     )
     assert inside == {str(name) for _, name in files}
     for what in ("Source", "Documentation", "Changelog", "Issues"):
@@ -87,14 +95,14 @@ def test_a_wheel_from_the_sdist_has_all_files_and_runs(published: Path) -> None:
     assert "crimp" in done.stdout
 
 
-_LIBRARY = Path("spacemap_vtk/library")
-
-
 def test_every_folder_with_modules_is_packaged() -> None:
-    listed = re.findall(r"^    (spacemap_vtk[\w.]*)$", (ROOT / "setup.cfg").read_text(), re.M)
+    listed = re.findall(r"^    (spacemap_vtk[\w.-]*)$", (ROOT / "setup.cfg").read_text(), re.M)
     folders = {file.parent for file in (ROOT / "spacemap_vtk").rglob("__init__.py")}
     found = {".".join(folder.relative_to(ROOT).parts) for folder in folders}
-    assert set(listed) == found | {"spacemap_vtk.library"}
+    assert set(listed) == found | {
+        "spacemap_vtk.library",
+        *(f"spacemap_vtk.manual.{name}" for name in _PAGES),
+    }
 
 
 def test_the_version_has_one_source_and_metadata_is_complete() -> None:

@@ -244,6 +244,10 @@ def test_other_keys_do_not_change_the_view(view_of: Any) -> None:
 
 def test_help_lists_every_key_of_the_view(open_scene: Any) -> None:
     window = open_scene()
-    lines = {line.split()[0]: line for line in "\n".join(window.menus.help_texts).splitlines()}
-    for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P", "V", "Ctrl+2", "T"):
-        assert key in lines
+    groups = window.help.key_groups
+    keys = {key: topic for topic, lines in groups.items() for key, _ in lines}
+    for key in ("R", "Shift+F", "Up", "Down", "W", "+", "-", "P", "V", "Ctrl+2", "T", "H", "X"):
+        assert key in keys
+    assert keys["V"] == keys["R"] == "Camera"
+    assert keys["Ctrl+Z"] == "Edit"
+    assert keys["Wheel"] == "Mouse in the view"

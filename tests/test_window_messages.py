@@ -174,7 +174,7 @@ def test_undo_includes_the_waiting_change_of_a_drag(
     window = open_scene()
     document, undo = window.document, window.menus.actions["Undo"]
     document.set("modal", "youngs_modulus", 1500.0)
-    assert (undo.text(), undo.isEnabled()) == ("Undo modal.youngs_modulus", True)
+    assert (undo.text(), undo.isEnabled()) == ("Undo Modal solver: Young's modulus", True)
     begin = document.text
     if not alone:
         document.set("response", "alpha", 5.0, burst=1)
@@ -184,7 +184,7 @@ def test_undo_includes_the_waiting_change_of_a_drag(
     # Within the 1/20 s that the change may wait.
     undo.trigger()
     assert document.text == begin
-    assert undo.text() == "Undo modal.youngs_modulus"
+    assert undo.text() == "Undo Modal solver: Young's modulus"
     window.menus.actions["Redo"].trigger()
     assert document.value_in_file("response", "alpha") == 7.0
     # The waiting change is an edit, so there is nothing to redo after it.
@@ -193,7 +193,7 @@ def test_undo_includes_the_waiting_change_of_a_drag(
     document.history.redo()
     assert document.value_in_file("response", "alpha") == 8.0
     assert not window.menus.actions["Redo"].isEnabled()
-    assert (undo.text(), undo.isEnabled()) == ("Undo response.alpha", True)
+    assert (undo.text(), undo.isEnabled()) == ("Undo Modal response: Alpha", True)
     document.history.undo()
     undo.trigger()
     assert not undo.isEnabled()

@@ -80,7 +80,7 @@ def test_engineer_designs_a_twill(
     assert window.errors.text == ""
 
     # 6. Clearance.
-    window.tools.coloring.setCurrentText("Clearance [m]")
+    window.tools.coloring.setCurrentText("Clearance")
     wait_until(lambda: settled(window))
     assert window.document.scene.view.color == "clearance"
     window.tools.coloring.setCurrentText("Own colours")

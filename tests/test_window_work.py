@@ -170,7 +170,7 @@ def test_next_window_restores_the_layout(open_window: Any) -> None:
 
 def test_every_shortcut_belongs_to_one_action(open_scene: Any) -> None:
     window = open_scene()
-    keys = [line.split()[0] for line in "\n".join(window.menus.help_texts).splitlines()]
+    keys = [key for lines in window.help.key_groups.values() for key, _ in lines]
     assert len(keys) == len(set(keys))
     for name in ("Export picture…", "Export film…", "Export data…", "Save", "Undo", "New"):
         assert window.menus.actions[name].shortcut().toString() in keys

@@ -29,6 +29,7 @@ from spacemap_vtk.app.documents.file_thumbnails import save_thumbnail, thumbnail
 from spacemap_vtk.app.documents.files import FileCommands
 from spacemap_vtk.app.draft.chart_tab import ChartTab, is_knit
 from spacemap_vtk.app.draft.draft_tab import DraftTab
+from spacemap_vtk.app.help.help_menu import HelpMenu
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.composite_tab import CompositeTab
 from spacemap_vtk.app.panels.error_bar import ErrorBar
@@ -149,6 +150,7 @@ class MainWindow(QMainWindow):
             self.properties,
             self.panels.values(),
         )
+        self.help = HelpMenu(self)
         self._connect()
         self.setAcceptDrops(True)
         self._restore_state()
@@ -263,7 +265,7 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.status_text = ElidedLabel()
-        self.status_text.linkActivated.connect(self._switch_stage)
+        self.status_text.linkActivated.connect(self.switch_stage)
         self.details_button = tool_button("Details", "Show all warnings")
         self.details_button.clicked.connect(self._show_details)
         self.details_button.hide()
@@ -285,11 +287,11 @@ class MainWindow(QMainWindow):
 
     def _connect(self) -> None:
         self.stages.chosen.connect(self.properties.show_section)
-        self.stages.switched.connect(self._switch_stage)
+        self.stages.switched.connect(self.switch_stage)
         self.stages.set_eye_actions(self.tools.eye_actions)
-        self.properties.switched_on.connect(self._switch_stage)
+        self.properties.switched_on.connect(self.switch_stage)
         for tab in (self.modes, self.plots, self.pull):
-            tab.add_button.requested.connect(self._switch_stage)
+            tab.add_button.requested.connect(self.switch_stage)
         self.document.side_effects.connect(self._show_message)
         self.properties.dragging.connect(self.director.set_dragging)
         self._connect_errors()
@@ -413,7 +415,8 @@ class MainWindow(QMainWindow):
             return
         self._set_view("show", seen)
 
-    def _switch_stage(self, section: str, on: bool = True) -> None:
+    def switch_stage(self, section: str, on: bool = True) -> None:
+        """Switch a stage on or off, and report why that is refused."""
         values = {}
         if on and section == "motion" and not self.document.was_switched_off(section):
             # Unlike all other stages, this one has no useful default: it needs a file.

@@ -1,4 +1,4 @@
-"""The menus, their shortcuts, and the help about keys and mouse."""
+"""The menus and their shortcuts; the menu "Help" is in the folder `help`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QMainWindow,
     QMenu,
-    QMessageBox,
     QWidget,
 )
 from shiboken6 import isValid
@@ -23,6 +22,7 @@ from spacemap_vtk.app.documents.files import FileCommands
 from spacemap_vtk.app.documents.scene_as_code import as_command, as_script
 from spacemap_vtk.app.panels.properties import Properties
 from spacemap_vtk.app.panels.time_bar import TimeBar
+from spacemap_vtk.app.panels.undo_list import UndoList
 from spacemap_vtk.app.theme import apply_theme
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_bar import ViewBar
@@ -33,21 +33,6 @@ from spacemap_vtk.scenes import library
 
 _ENTER_KEYS = Qt.Key.Key_Return, Qt.Key.Key_Enter
 _TAB_KEYS = Qt.Key.Key_Tab, Qt.Key.Key_Backtab
-#: Width of the first column of the help, in letters.
-_COLUMN = 16
-#: Mouse actions in the view: those of VTK and those of this program.
-MOUSE = "\n".join(
-    f"{hand:<{_COLUMN}}{does}"
-    for hand, does in (
-        ("Drag", "Rotate"),
-        ("Shift+drag", "Pan (or middle button)"),
-        ("Ctrl+drag", "Roll"),
-        ("Wheel", "Zoom (or drag with the right button)"),
-        ("Click", "Pick a point of a yarn and plot it"),
-        ("Shift+click", "Pick another point"),
-        ("Click an axis", "Look along it"),
-    )
-)
 
 
 class Menus(QObject):
@@ -73,11 +58,12 @@ class Menus(QObject):
         self._document, self._files, self._times = document, files, times
         self._tools, self._view = tools, view
         self.actions: dict[str, QAction] = {}
+        self.undo_list: UndoList | None = None
         keys = QKeySequence.StandardKey
         menu = self._add_menu("&File")
         self._add_action(menu, "New", keys.New, files.new)
         self._add_action(menu, "Open…", keys.Open, files.open)
-        self.recent = menu.addMenu("Open recent")
+        self.recent = menu.addMenu("Recent files")
         self.recent.aboutToShow.connect(self._fill_recent)
         self.scenes = menu.addMenu("Scenes")
         for kind, names in library.names_by_kind().items():
@@ -89,7 +75,7 @@ class Menus(QObject):
         self._add_action(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
         menu.addSeparator()
         self._add_action(menu, "Save screenshot…", "Ctrl+P", lambda: files.save_picture(view))
-        self._add_action(menu, "Export picture…", "Ctrl+Shift+P", exports.picture)
+        self._add_action(menu, "Export picture…", "Ctrl+Shift+E", exports.picture)
         self._add_action(menu, "Export film…", "Ctrl+Shift+F", exports.film)
         self._add_action(menu, "Export data…", "Ctrl+E", exports.data)
         irregular = self._add_action(menu, "Irregular yarns in data", None, lambda: None)
@@ -105,6 +91,7 @@ class Menus(QObject):
         undo = self._add_action(menu, "Undo", keys.Undo, self._undo)
         redo = self._add_action(menu, "Redo", keys.Redo, history.redo, "Ctrl+Y")
         for action in (undo, redo):
+            action.setObjectName(action.text())
             action.setEnabled(False)
         history.canUndoChanged.connect(undo.setEnabled)
         for signal in (properties.refused, properties.accepted):
@@ -112,6 +99,7 @@ class Menus(QObject):
         history.canRedoChanged.connect(redo.setEnabled)
         history.undoTextChanged.connect(lambda name: undo.setText(f"Undo {name}".strip()))
         history.redoTextChanged.connect(lambda name: redo.setText(f"Redo {name}".strip()))
+        self._add_action(menu, "Undo list…", None, self._show_undo_list)
         menu.addSeparator()
         menu.addAction(tools.drop)
         menu.setToolTipsVisible(True)
@@ -147,19 +135,8 @@ class Menus(QObject):
         self.dark = self._add_action(inside, "Dark theme", "Ctrl+D", self._set_theme)
         self.dark.setCheckable(True)
         self.dark.setChecked(QSettings().value("dark") == "true")
-        menu = self._add_menu("&Help")
-        self._add_action(menu, "Keyboard and mouse", "F1", self._show_keys)
         self._set_theme()
         _FieldKeyFilter(window, view.canvas)
-
-    @property
-    def help_texts(self) -> tuple[str, str]:
-        """Help texts: one line for each action with a shortcut, of the menus and of the view."""
-        menus, view = (
-            "\n".join(_help_line(action) for action in actions if action.shortcuts())
-            for actions in (self.actions.values(), self._tools.all_actions)
-        )
-        return menus, view
 
     def _add_menu(self, title: str) -> QMenu:
         return self.parent().menuBar().addMenu(title)
@@ -179,6 +156,11 @@ class Menus(QObject):
         """Undo; if a value was refused, that is the last action, and its field is restored."""
         if not self._properties.restore_refused():
             self._document.history.undo()
+
+    def _show_undo_list(self) -> None:
+        if self.undo_list is None:
+            self.undo_list = UndoList(self.parent(), self._document.history)
+        self.undo_list.show()
 
     def _update_undo(self, _: object) -> None:
         refused = any(row.error_kind == "value" for row in self._properties.rows.values())
@@ -216,17 +198,6 @@ class Menus(QObject):
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
         apply_theme(QApplication.instance(), self.dark.isChecked())
         self._view.set_dark(self.dark.isChecked())
-
-    def _show_keys(self) -> None:
-        box = QMessageBox(self.parent())
-        box.setWindowTitle("Keyboard and mouse")
-        menus, view = self.help_texts
-        # Side by side, because one above the other they are higher than a small screen.
-        box.setText(
-            f"<table><tr><td><pre>{menus}</pre></td>"
-            f"<td style='padding-left: 32px'><pre>{view}\n\n{MOUSE}</pre></td></tr></table>"
-        )
-        box.exec()
 
 
 class _FieldKeyFilter(QObject):
@@ -302,10 +273,3 @@ def _is_refused(widget: QWidget | None) -> bool:
 def _set_shortcuts(action: QAction, *keys: object) -> None:
     # A standard key can map to the same keys as another one; Qt wants each once.
     action.setShortcuts(list(dict.fromkeys(QKeySequence(key) for key in keys)))
-
-
-def _help_line(action: QAction) -> str:
-    """Format the shortcuts and name of an action as a line of the help."""
-    key, *more = (key.toString() for key in action.shortcuts())
-    also = f" (or {', '.join(more)})" if more else ""
-    return f"{key:<{_COLUMN}}{action.text().rstrip('…')}{also}"

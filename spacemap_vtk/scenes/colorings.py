@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from spacemap_vtk.units import typeset_units
-
 
 class Coloring(NamedTuple):
     """One meaning of colours."""
@@ -22,11 +20,6 @@ class Coloring(NamedTuple):
     array: str = ""
     #: Whether the array has numbers that are shown on a scale.
     has_scale: bool = False
-
-    @property
-    def title(self) -> str:
-        """The label with its unit."""
-        return f"{self.label} [{typeset_units(self.unit)}]" if self.unit else self.label
 
     @property
     def shows_numbers(self) -> bool:

@@ -30,6 +30,8 @@ from spacemap_vtk.scenes.scene import Scene
 _MAX_VALUES_PER_LINE = 8
 #: Weave parameters that a draft file stores; the draft tab edits exactly these.
 DRAFT_KEYS = ("draft", "pattern", "ends", "picks", "warp_color", "weft_color")
+#: Most names of values in the description of a change.
+_MOST_NAMES = 3
 #: Longest time that a change made by a drag waits, in ms.
 _MAX_DELAY = 50
 _NO_VALUES: Mapping[str, Any] = MappingProxyType({})
@@ -330,7 +332,14 @@ class Document(QObject):
             for key, value in written.items():
                 self._write_value(section, key, value)
 
-        self._change(put, name or ", ".join(f"{section}.{key}" for key in written), burst)
+        self._change(put, name or self._describe(section, written), burst)
+
+    def _describe(self, section: str, written: Mapping[str, Any]) -> str:
+        """Return the names of changed values, for the list of changes."""
+        part = self._scene.parts[section]
+        labels = [part.parameter(key).label for key in written]
+        more = ", …" if len(labels) > _MOST_NAMES else ""
+        return f"{stage_title(type(part).__name__)}: {', '.join(labels[:_MOST_NAMES])}{more}"
 
     def _change(self, change: Callable[[], None], name: str, burst: int = 0) -> None:
         before, former = self.version, self.values

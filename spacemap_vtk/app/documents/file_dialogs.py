@@ -59,6 +59,17 @@ def confirm_overwrite(parent: QWidget, path: Path) -> bool:
     )
 
 
+def choose(parent: QWidget, title: str, question: str, yes: str, no: str) -> bool:
+    """Ask a question whose two answers are in words; Enter and Escape choose the second."""
+    box = QMessageBox(QMessageBox.Icon.Question, title, question, parent=parent)
+    accepted = box.addButton(yes, QMessageBox.ButtonRole.DestructiveRole)
+    refused = box.addButton(no, QMessageBox.ButtonRole.RejectRole)
+    box.setDefaultButton(refused)
+    box.setEscapeButton(refused)
+    box.exec()
+    return box.clickedButton() is accepted
+
+
 def confirm(parent: QWidget, title: str, question: str) -> bool:
     """Ask a yes-or-no question; Enter means no."""
     box = QMessageBox.StandardButton

@@ -103,6 +103,8 @@ class Properties(QScrollArea):
         #: Name of the row that was edited last, or "" after another change.
         self._last_edited = ""
         self._limits_timer = single_shot(self, self._show_limits)
+        self._wanted: ParameterRow | None = None
+        self._reach_timer = single_shot(self, self._reach_row, 50)
         self._scroll_timer = single_shot(self, self._scroll_to_selected, 50)
         body = QWidget()
         column(body, self._page)
@@ -338,6 +340,20 @@ class Properties(QScrollArea):
                 return intervals
         self._feasible.append((settings, feasible_intervals(part)))
         return self._feasible[-1][1]
+
+    def show_parameter(self, name: str) -> None:
+        """Scroll to the row of a parameter of the shown page, and put the keyboard in it."""
+        row = self.rows[name]
+        if row.parameter.group:
+            self.groups[row.parameter.group].head.setChecked(True)
+        self._wanted = row
+        self._reach_timer.start()
+
+    def _reach_row(self) -> None:
+        """Scroll to the wanted row, once its page is laid out."""
+        if self._wanted is not None and self._wanted.isVisible():
+            self.ensureWidgetVisible(self._wanted)
+            self._wanted.editor.setFocus()
 
     def mark_error(self, error: SpacemapError, kind: str = "value") -> None:
         """Mark the field that an error names, if it is on this page."""

@@ -130,6 +130,10 @@ class StageList(QTreeWidget):
                 item.setData(_BOX, Qt.ItemDataRole.CheckStateRole, None)
         self._show_eyes()
 
+    def can_switch(self, section: str) -> bool:
+        """Return whether the stage of a section can be switched on or off."""
+        return section in self._boxes
+
     def _show_eyes(self) -> None:
         for section, eye in self._eye_actions.items():
             item, is_on = self.items[section], self.states.get(section, "off") != "off"

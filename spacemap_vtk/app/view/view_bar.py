@@ -112,7 +112,7 @@ class ViewBar(QToolBar):
             for name, coloring in colorings.items():
                 self.colorings[name] = action(
                     group,
-                    coloring.title,
+                    coloring.label,
                     self._choose_setting,
                     data=("color", name),
                     checkable=True,
@@ -206,7 +206,7 @@ class ViewBar(QToolBar):
                 if self.coloring.count():
                     self.coloring.insertSeparator(self.coloring.count())
                 for name in names:
-                    self.coloring.addItem(COLORINGS[name].title, name)
+                    self.coloring.addItem(COLORINGS[name].label, name)
             self.coloring.view().setMinimumWidth(self.coloring.view().sizeHintForColumn(0) + 12)
         self.coloring.setCurrentIndex(self.coloring.findData(scene.view.color))
         self.coloring.blockSignals(False)

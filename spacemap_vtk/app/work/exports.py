@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.documents.file_dialogs import add_ending, confirm, last_folder
+from spacemap_vtk.app.documents.file_dialogs import add_ending, choose, last_folder
 from spacemap_vtk.app.draft.print_dialog import PrintDialog
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
@@ -256,8 +256,9 @@ class Exports(QObject):
         """Ask whether a running export may be cancelled; return whether the window may close."""
         if self._process is None:
             return True
-        text = f"{self._process.target.name} is being written. Cancel it and close?"
-        return confirm(self._window, "Export in progress", text)
+        text = f"{self._process.target.name} is being written."
+        answers = "Cancel it and close", "Keep writing"
+        return choose(self._window, "Export in progress", text, *answers)
 
     def _require_idle(self) -> bool:
         if self._process is None:

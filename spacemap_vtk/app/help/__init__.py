@@ -1,0 +1,1 @@
+"""Help: the manual, guided walks, keys, and the command palette."""
