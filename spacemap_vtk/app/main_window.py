@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -29,7 +29,9 @@ from spacemap_vtk.app.documents.file_thumbnails import save_thumbnail, thumbnail
 from spacemap_vtk.app.documents.files import FileCommands
 from spacemap_vtk.app.draft.chart_tab import ChartTab, is_knit
 from spacemap_vtk.app.draft.draft_tab import DraftTab
+from spacemap_vtk.app.help.command_palette import Entry
 from spacemap_vtk.app.help.help_menu import HelpMenu
+from spacemap_vtk.app.help.palette_entries import scene_entries, stage_entries, tab_entries
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.composite_tab import CompositeTab
 from spacemap_vtk.app.panels.error_bar import ErrorBar
@@ -150,7 +152,7 @@ class MainWindow(QMainWindow):
             self.properties,
             self.panels.values(),
         )
-        self.help = HelpMenu(self)
+        self.help = HelpMenu(self, self.tools, self._palette_entries)
         self._connect()
         self.setAcceptDrops(True)
         self._restore_state()
@@ -498,6 +500,11 @@ class MainWindow(QMainWindow):
             self.tabs.insertTab(self.tabs.indexOf(after) + 1, tab, title)
         elif not shown and present >= 0:
             self.tabs.removeTab(present)
+
+    def _palette_entries(self) -> Iterator[Entry]:
+        yield from tab_entries(self.tabs)
+        yield from scene_entries(self.files.switch_to)
+        yield from stage_entries(self.document, self.stages, self.properties, self.switch_stage)
 
     def _show_message(self, text: str) -> None:
         self.statusBar().showMessage(text, _MESSAGE_TIME)

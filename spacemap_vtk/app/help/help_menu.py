@@ -3,33 +3,37 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 from PySide6 import __version__ as qt_version
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QKeySequence
-from PySide6.QtWidgets import QMessageBox
+from PySide6.QtWidgets import QMainWindow, QMessageBox, QToolBar
 from vtkmodules.vtkCommonCore import vtkVersion
 
 from spacemap_vtk import __version__
-from spacemap_vtk.app.help import palette_entries
 from spacemap_vtk.app.help.command_palette import CommandPalette, Entry
 from spacemap_vtk.app.help.manual import Manual, online_address
 from spacemap_vtk.app.help.menu_tree import MenuEntry, menu_entries
+from spacemap_vtk.app.help.palette_entries import action_entries
 from spacemap_vtk.app.help.shortcuts import Groups, key_groups, show_keys
 from spacemap_vtk.app.widgets import action
-
-if TYPE_CHECKING:
-    from spacemap_vtk.app.main_window import MainWindow
 
 
 class HelpMenu(QObject):
     """Fill the menu, which is the last of the window's menu bar."""
 
-    def __init__(self, window: MainWindow) -> None:
+    def __init__(
+        self,
+        window: QMainWindow,
+        tools: QToolBar,
+        window_entries: Callable[[], Iterator[Entry]],
+    ) -> None:
         super().__init__(window)
-        self._window = window
+        self._window, self._tools = window, tools
+        #: Yields what the palette finds besides the actions.
+        self._window_entries = window_entries
         self.commands = CommandPalette(window)
         self.commands.chosen.connect(lambda entry: entry.run())
         self.manual: Manual | None = None
@@ -50,7 +54,7 @@ class HelpMenu(QObject):
     @property
     def entries(self) -> list[MenuEntry]:
         """All actions of the menus and of the tool bar."""
-        return list(menu_entries(self._window.menuBar(), self._window.tools))
+        return list(menu_entries(self._window.menuBar(), self._tools))
 
     @property
     def key_groups(self) -> Groups:
@@ -60,15 +64,7 @@ class HelpMenu(QObject):
     @property
     def palette_entries(self) -> list[Entry]:
         """All that the command palette finds now."""
-        window = self._window
-        return [
-            *palette_entries.action_entries(self.entries),
-            *palette_entries.tab_entries(window.tabs),
-            *palette_entries.scene_entries(window.files.switch_to),
-            *palette_entries.stage_entries(
-                window.document, window.stages, window.properties, window.switch_stage
-            ),
-        ]
+        return [*action_entries(self.entries), *self._window_entries()]
 
     def show_manual(self) -> None:
         """Show the manual, which stays open beside the window."""
