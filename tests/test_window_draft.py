@@ -212,8 +212,8 @@ def test_strips_are_painted_with_palette_and_dialog_colours(
     window.document.history.undo()
     window.document.history.undo()
     assert window.document.value_in_file("weave", "warp_color") is None
-    # A right click picks a colour.
-    qtbot.mouseClick(view, Qt.MouseButton.RightButton, pos=cell_position(window, "weft", 0, 2))
+    # Ctrl and a click pick a colour.
+    click(qtbot, window, "weft", 0, 2, CONTROL)
     assert draft.grid.color.name() == "#e8c78f"
 
 

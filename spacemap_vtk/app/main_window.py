@@ -152,6 +152,7 @@ class MainWindow(QMainWindow):
             self.properties,
             self.panels.values(),
         )
+        self.draft.commands.add_to(self.menuBar(), self.menus.time.menuAction())
         self.help = HelpMenu(self, self.tools, self._palette_entries)
         self._connect()
         self.setAcceptDrops(True)
@@ -329,6 +330,7 @@ class MainWindow(QMainWindow):
         self.measure.export_requested.connect(self.exports.measurement)
         self.composite.export_requested.connect(self.exports.composite)
         self.draft.dragging.connect(self.director.set_dragging)
+        self.draft.commands.show_requested.connect(partial(self.tabs.setCurrentWidget, self.draft))
         self.draft.save_button.clicked.connect(self.files.save_draft)
         self.draft.print_button.clicked.connect(self.exports.draft)
         self.draft.open_requested.connect(self.files.switch_to)

@@ -110,6 +110,12 @@ class PanelSpan(NamedTuple):
             return 0
         return self.cells - index if self.reversed else index + 1
 
+    def nearest_number(self, pixel: float) -> int:
+        """Return the number of the visible cell that is nearest to a pixel."""
+        end = min(self.high, self.begin + max(self.cells, 1) * self.size)
+        number = self.number_at(min(max(pixel, self.low, self.begin), end - 1))
+        return 1 if number is None else number
+
     def pixel_of(self, number: int) -> int:
         """Return the pixel where a cell begins."""
         index = self.cells - number if self.reversed else max(number - 1, 0)
@@ -138,6 +144,7 @@ class DraftLayout:
         room: tuple[int, int],
         offset: tuple[int, int] = (0, 0),
         as_cloth: bool = False,
+        from_back: bool = False,
     ) -> None:
         (ends, picks), shafts, columns = shown.size, shown.loom.shafts, shown.columns
         self.cell = cell
@@ -153,7 +160,9 @@ class DraftLayout:
             axis._replace(offset=at) for axis, at in zip((x, y), self.offset, strict=True)
         )
         x, y = self.x, self.y
-        along_ends = PanelSpan(x.drawdown_begin, ends, cell, *x.clip_range, not as_cloth)
+        # From the back, the cloth is turned over around the warp: its ends run the other way.
+        ends_reversed = as_cloth == from_back
+        along_ends = PanelSpan(x.drawdown_begin, ends, cell, *x.clip_range, ends_reversed)
         along_picks = PanelSpan(y.drawdown_begin, picks, cell, *y.clip_range, as_cloth)
         right, end = x.after_begin + GAP, x.after_begin + GAP + columns * cell
         treadles = PanelSpan(right, columns, cell, right, end, False)
@@ -182,6 +191,11 @@ class DraftLayout:
                 if column is not None and row is not None:
                     return GridCell(name, column, row)
         return None
+
+    def nearest_cell(self, x: float, y: float, panel: str) -> GridCell:
+        """Return the visible cell of a panel that is nearest to a point."""
+        across, down = self.panels[panel]
+        return GridCell(panel, across.nearest_number(x), down.nearest_number(y))
 
     def center(self, place: GridCell) -> tuple[int, int]:
         """Return the centre of a cell, visible or not."""

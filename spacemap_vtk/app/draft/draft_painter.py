@@ -10,6 +10,8 @@ from PySide6.QtCore import QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QImage, QPainter, QPen
 
 from spacemap_vtk.app.draft.draft_layout import GAP, DraftLayout, GridCell, PanelSpan
+from spacemap_vtk.ndarrays import Bools
+from spacemap_vtk.scenes.draft_edits import Selection
 from spacemap_vtk.scenes.editable_draft import EditableDraft
 
 #: Smallest size of a cell to draw lines between cells, in pixels.
@@ -19,10 +21,19 @@ _MIN_CELL_FOR_YARNS = 6
 #: Number of cells between heavier lines.
 GROUP = 4
 
+#: Share of a float's colour where it is marked.
+_FLOAT_SHARE = 0.75
+
 #: Colours of `DraftColors` in the light and in the dark theme.
 _THEME_COLORS = (
-    ("#ffffff", "#f4f6f8", "#26323e", "#2d6a8e", "#e3e8ee", "#b4bec9", "#66717e", "#d9642c"),
-    ("#161b22", "#1d232b", "#dfe6ee", "#79bde6", "#2b3440", "#4a5766", "#93a0ae", "#ffb454"),
+    (
+        *("#ffffff", "#f4f6f8", "#26323e", "#2d6a8e", "#e3e8ee", "#b4bec9", "#66717e", "#d9642c"),
+        *("#1f77d0", "#e0592a", "#a0329b"),
+    ),
+    (
+        *("#161b22", "#1d232b", "#dfe6ee", "#79bde6", "#2b3440", "#4a5766", "#93a0ae", "#ffb454"),
+        *("#6db8ff", "#ff8a5c", "#dd7bd8"),
+    ),
 )
 
 
@@ -37,6 +48,10 @@ class DraftColors(NamedTuple):
     group: QColor
     text: QColor
     highlight: QColor
+    selection: QColor
+    #: Marked floats of the warp and of the weft.
+    warp_float: QColor
+    weft_float: QColor
 
     @classmethod
     def for_theme(cls, dark: bool) -> DraftColors:
@@ -48,10 +63,18 @@ class DraftPainter:
     """Paint one draft in one layout."""
 
     def __init__(
-        self, shown: EditableDraft, layout: DraftLayout, inks: DraftColors, colored: bool
+        self,
+        shown: EditableDraft,
+        layout: DraftLayout,
+        inks: DraftColors,
+        colored: bool,
+        from_back: bool = False,
+        floats: Bools | None = None,
     ) -> None:
         self._shown, self._layout, self._colors = shown, layout, inks
-        self._colored = colored
+        self._colored, self._from_back = colored, from_back
+        #: (picks, ends), crossings of floats to mark.
+        self._floats = floats
 
     def paint(self, painter: QPainter, ratio: float) -> None:
         """Paint all grids, strips and numbers, without the highlight under the mouse."""
@@ -79,17 +102,38 @@ class DraftPainter:
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.drawRect(QRectF(_cell_rect(across, down, place.x or None, place.y or None)))
 
+    def outline(self, painter: QPainter, selection: Selection) -> None:
+        """Outline the selected cells."""
+        x, y = self._layout.panels[selection.panel]
+        corners = [
+            _cell_rect(x, y, *corner) for corner in zip(selection.x, selection.y, strict=True)
+        ]
+        rect = _clip_to_panel(corners[0].united(corners[1]), x, y)
+        color = QColor(self._colors.selection)
+        color.setAlpha(50)
+        painter.fillRect(rect, color)
+        color.setAlpha(255)
+        painter.setPen(QPen(color, 2))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.drawRect(rect)
+
     def _paint_drawdown(self, painter: QPainter, ratio: float) -> None:
         """Paint the drawdown, in large cells as round yarns."""
         x, y = self._layout.panels["drawdown"]
         columns, rows = _visible_indices(x), _visible_indices(y)
-        over = self._shown.drawdown[np.ix_(rows, columns)]
+        visible = np.ix_(rows, columns)
+        over = self._shown.drawdown[visible] != self._from_back
         if self._colored:
             warp, weft = self._shown.warp[columns], self._shown.weft[rows]
             cells = np.where(over[..., None], warp[None], weft[:, None])
         else:
             ink, paper = (_rgb(c) for c in (self._colors.mark, self._colors.paper))
             cells = np.where(over[..., None], ink, paper).astype(np.uint8)
+        if self._floats is not None:
+            inks = self._colors.warp_float, self._colors.weft_float
+            marked = np.where(over[..., None], _rgb(inks[0]), _rgb(inks[1]))
+            mixed = _FLOAT_SHARE * marked + (1.0 - _FLOAT_SHARE) * cells
+            cells = np.where(self._floats[visible][..., None], mixed, cells).astype(np.uint8)
         size = round(self._layout.cell * ratio)
         if self._colored and self._layout.cell >= _MIN_CELL_FOR_YARNS:
             cells = _shade_yarns(cells, over, size)

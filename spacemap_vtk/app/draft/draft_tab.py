@@ -17,24 +17,26 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QLabel,
     QSizePolicy,
+    QToolButton,
     QWidget,
 )
 
 from spacemap_vtk.app.documents.document import DRAFT_KEYS, Document
 from spacemap_vtk.app.documents.file_dialogs import ask_input_file
+from spacemap_vtk.app.draft.counts import DraftCounts
+from spacemap_vtk.app.draft.draft_actions import DraftActions
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.app.draft.palette import Palette
-from spacemap_vtk.app.draft.strokes import EDIT_NAMES
-from spacemap_vtk.app.widgets import CountBox, column, note, row, single_shot, tool_button
+from spacemap_vtk.app.widgets import CountBox, action, column, note, row, single_shot, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.io.registry import draft_dialog_filters, kind_of
+from spacemap_vtk.scenes.draft_edits import Selection
 from spacemap_vtk.scenes.editable_draft import (
     Changes,
     EditableDraft,
     color_values,
     make_editable_draft,
-    pattern_values,
-    to_draft,
+    scene_changes,
 )
 from spacemap_vtk.textile.drafts.loom import Loom
 
@@ -43,7 +45,9 @@ _SECTION = "weave"
 #: Largest fraction of the time that changes of the scene take during a stroke.
 _MAX_LOAD = 0.3
 _MAX_COUNT = 4096
-_HINT = "Edit: drag, or arrow keys and Enter · Second mark: Ctrl · Zoom: Ctrl+wheel"
+_HINT = (
+    "Drag: mark · Shift+drag: select · Ctrl: second mark · Right button: menu · Ctrl+wheel: zoom"
+)
 
 
 class DraftTab(QWidget):
@@ -69,6 +73,8 @@ class DraftTab(QWidget):
         #: The loom before the change to a liftplan.
         self._treadle_loom: Loom | None = None
         self._commit_timer = single_shot(self, self._commit)
+        #: The draft that the scene has.
+        self._committed: EditableDraft | None = None
         self.grid = DraftGrid()
         self.palette_row = Palette()
         self.hint = note(_HINT, alignment=Qt.AlignmentFlag.AlignTop)
@@ -76,13 +82,24 @@ class DraftTab(QWidget):
         self.hint.setFixedHeight(2 * self.hint.fontMetrics().height() + 2)
         self.placeholder = note(alignment=Qt.AlignmentFlag.AlignCenter)
         self.placeholder.hide()
+        self.counts_view = DraftCounts()
+        self.counts_view.hide()
+        self.counts_view.float_chosen.connect(self._show_float)
         self.tools = QWidget()
         files = self._make_tools()
-        below = (self.palette_row, (self.placeholder, 1), (self.grid, 1), self.hint)
+        below = (
+            self.palette_row,
+            (self.placeholder, 1),
+            (self.grid, 3),
+            (self.counts_view, 1),
+            self.hint,
+        )
         column(self, files, self.tools, *below, margins=(6, 6, 6, 6), spacing=6)
         self.grid.edited.connect(self._receive_edit)
-        self.grid.hovered.connect(lambda text: self.hint.setText(text or _HINT))
+        self.grid.hovered.connect(self._show_hint)
+        self.grid.selected.connect(self._show_hint)
         self.grid.refused.connect(self.hint.setText)
+        self.commands.message.connect(self.hint.setText)
         self.grid.color_picked.connect(self.palette_row.choose)
         self.palette_row.chosen.connect(self._set_color)
         self.palette_row.changed.connect(self._replace_color)
@@ -149,8 +166,20 @@ class DraftTab(QWidget):
         self.colors_button = tool_button("Colours", tip, checkable=True, checked=draft.colored)
         tip = "Count ends from the left and picks from the bottom; off: from the right and top"
         self.cloth_button = tool_button("As cloth", tip, checkable=True, checked=draft.as_cloth)
-        for button in (self.colors_button, self.cloth_button):
+        tip = "Show the back of the cloth, turned over around the warp: its ends run the other way"
+        self.back_button = tool_button("Back", tip, checkable=True)
+        for button in (self.colors_button, self.cloth_button, self.back_button):
             button.toggled.connect(self._update_view)
+        tip = "Drag to select cells instead of marking them (or Shift+drag)"
+        self.select_button = tool_button("Select", tip, checkable=True)
+        self.select_button.toggled.connect(self._set_selects)
+        self._make_float_tools()
+        back = action(self, "Show the back", self.back_button.toggle, checkable=True)
+        self.back_button.toggled.connect(back.setChecked)
+        self.commands = DraftActions(draft, [back])
+        self.edit_button = tool_button("Edit ▾", "What can be done with the selection, or all")
+        self.edit_button.setMenu(self.commands.menu)
+        self.edit_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         self.counts: dict[str, CountBox] = {}
         grid = QGridLayout(self.tools, horizontalSpacing=6)
         grid.setContentsMargins(0, 0, 0, 0)
@@ -178,24 +207,45 @@ class DraftTab(QWidget):
         self.rising.clicked.connect(self._set_rising)
         grid.addWidget(self.loom_kind, 2, 0, 1, 2)
         grid.addWidget(self.rising, 2, 2, 1, 2)
-        grid.addWidget(self.colors_button, 3, 0, 1, 2)
-        grid.addWidget(self.cloth_button, 3, 2, 1, 2)
-        # In a row of their own: beside the files they would widen all tabs of a narrow window.
-        sizes = (self.zoom_out_button, self.zoom_in_button, self.fit_button)
-        grid.addLayout(row(None, *sizes, None, spacing=2), 4, 0, 1, 4)
+        # In rows of their own: beside the files they would widen all tabs of a narrow window.
+        views = self.colors_button, self.cloth_button, self.back_button
+        grid.addLayout(row(None, *views, None, spacing=2), 3, 0, 1, 4)
+        sizes = self.zoom_out_button, self.zoom_in_button, self.fit_button
+        editing = self.select_button, self.edit_button
+        grid.addLayout(row(None, *sizes, None, *editing, spacing=2), 4, 0, 1, 4)
+        floats = self.float_box, self.float_limit, self.counts_button
+        grid.addLayout(row(None, *floats[:2], None, floats[2], spacing=4), 5, 0, 1, 4)
         files = self.open_button, self.save_button, self.print_button
         return row(None, *files, None, spacing=2)
+
+    def _make_float_tools(self) -> None:
+        tip = (
+            "Mark floats that pass more crossings than this: of the warp orange, of the weft violet"
+        )
+        self.float_box = QCheckBox("Floats over", toolTip=tip)
+        self.float_limit = CountBox(minimum=1, maximum=999, value=3, toolTip=tip)
+        self.float_limit.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        self.counts_button = tool_button(
+            "Counts",
+            "Heddles on each shaft, use of treadles, and a list of long floats",
+            checkable=True,
+        )
+        self.float_box.toggled.connect(self._update_view)
+        self.float_limit.valueChanged.connect(self._update_view)
+        self.counts_button.toggled.connect(self._show_counts_view)
 
     def _show_draft(self, shown: EditableDraft | None, reason: str = "") -> None:
         if shown is None:
             self._key = None
         for widget in (self.grid, self.tools, self.palette_row, self.hint):
             widget.setVisible(shown is not None)
+        self._committed = shown
         self.placeholder.setText(reason)
         self.placeholder.setVisible(shown is None)
         for button in (self.save_button, self.print_button):
             button.setEnabled(shown is not None)
         self.grid.show_draft(shown)
+        self._show_counts_view()
         if shown is not None:
             self.palette_row.show_colors(np.concatenate([shown.warp, shown.weft]))
             self._show_counts(shown)
@@ -240,24 +290,27 @@ class DraftTab(QWidget):
             return
         (shown, name), self._waiting = self._waiting, None
         begin = time.perf_counter()
-        if name in (EDIT_NAMES["warp"], EDIT_NAMES["weft"]):
-            family = "warp" if name == EDIT_NAMES["warp"] else "weft"
-            self._set_values(color_values(family, shown.yarn_colors(family)), name)
-        elif name == EDIT_NAMES["drawdown"]:
-            self._set_values(pattern_values(shown), name)
-        else:
-            self._store_draft(shown, name)
+        self._store(shown, name)
         self._committed_at = time.perf_counter()
         self._commit_time = self._committed_at - begin
 
-    def _store_draft(self, shown: EditableDraft, name: str) -> None:
+    def _store(self, shown: EditableDraft, name: str) -> None:
+        """Write the changes of a draft into the scene."""
+        before = self._committed
+        assert before is not None
+        settings = self._document.scene.source.settings
+        given = {key for key in DRAFT_KEYS if settings.get(key) is not None}
+        former = self._document.scene.draft_file
         try:
-            former = self._document.scene.draft_file
-            path = self._document.drafts.add(to_draft(shown), former)
+            changes = scene_changes(
+                before, shown, given, lambda draft: str(self._document.drafts.add(draft, former))
+            )
         except SpacemapError as error:
             self.failed.emit(error)
             return
-        self._set_values({"draft": str(path), "pattern": None}, name)
+        self._committed = shown
+        if changes:
+            self._set_values(changes, name)
 
     def _set_values(self, changes: Changes, name: str) -> None:
         try:
@@ -300,7 +353,7 @@ class DraftTab(QWidget):
 
     def _set_loom(self, loom: Loom, name: str) -> None:
         assert self.grid.shown is not None
-        self._store_draft(self.grid.shown.with_loom(loom), name)
+        self._store(self.grid.shown.with_loom(loom), name)
 
     def _replace_color(self, old: QColor, new: QColor) -> None:
         shown = self.grid.shown
@@ -320,4 +373,34 @@ class DraftTab(QWidget):
         self.grid.color = color
 
     def _update_view(self) -> None:
-        self.grid.set_view(self.cloth_button.isChecked(), self.colors_button.isChecked())
+        limit = self.float_limit.value()
+        self.grid.set_view(
+            self.cloth_button.isChecked(),
+            self.colors_button.isChecked(),
+            self.back_button.isChecked(),
+            (limit, limit) if self.float_box.isChecked() else None,
+        )
+        self._show_counts_view()
+
+    def _set_selects(self, on: bool) -> None:
+        self.grid.selects = on
+
+    def _show_hint(self, text: str = "") -> None:
+        """Show a text, or what is selected, or how to edit."""
+        if not text and self.grid.selection is not None:
+            text = f"Selected: {self.commands.describe()}."
+        self.hint.setText(text or _HINT)
+
+    def _show_counts_view(self) -> None:
+        shown = self.grid.shown
+        visible = self.counts_button.isChecked() and shown is not None
+        self.counts_view.setVisible(visible)
+        if visible and shown is not None:
+            limit = self.float_limit.value()
+            self.counts_view.show_draft(shown, (limit, limit))
+
+    def _show_float(self, place: Selection, face: bool) -> None:
+        """Select a float in the drawdown, on its face."""
+        self.back_button.setChecked(not face)
+        self.grid.select(place)
+        self.grid.scroll_to_selection()

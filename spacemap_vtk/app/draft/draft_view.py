@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QPointF, QSize, Qt, Signal
 from PySide6.QtGui import (
+    QAction,
     QColor,
+    QContextMenuEvent,
+    QHideEvent,
     QImage,
     QKeyEvent,
+    QKeySequence,
     QMouseEvent,
     QPainter,
     QPaintEvent,
     QResizeEvent,
+    QShowEvent,
     QWheelEvent,
 )
 from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QScrollBar
@@ -19,7 +24,10 @@ from spacemap_vtk.app.draft.draft_layout import GAP, STRIP, DraftLayout, GridCel
 from spacemap_vtk.app.draft.draft_painter import DraftColors, DraftPainter
 from spacemap_vtk.app.draft.strokes import Stroke
 from spacemap_vtk.app.widgets import is_dark
+from spacemap_vtk.ndarrays import Bools
+from spacemap_vtk.scenes.draft_edits import STRIPS, Selection, is_inside, select_all
 from spacemap_vtk.scenes.editable_draft import EditableDraft
+from spacemap_vtk.textile.drafts.floats import FloatLimits, mark_floats
 
 #: Steps of the arrow keys, across and down.
 _ARROW_STEPS = {
@@ -43,6 +51,14 @@ class DraftGrid(QAbstractScrollArea):
     refused = Signal(str)
     #: A colour picked from a strip.
     color_picked = Signal(object)
+    #: The selection has changed.
+    selected = Signal()
+    #: Another draft or none is shown, or the grid is shown or hidden.
+    shown_changed = Signal()
+    #: A key of an action is pressed: the actions must know what they can be applied to.
+    about_to_act = Signal()
+    #: A menu is requested at a point of the screen.
+    menu_requested = Signal(object)
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,9 +66,23 @@ class DraftGrid(QAbstractScrollArea):
         self.cell = 10
         self.as_cloth = True
         self.colored = True
+        self.from_back = False
+        #: Whether a drag selects cells instead of marking them.
+        self.selects = False
+        #: Most crossings of floats that are not marked; None: no floats are marked.
+        self.float_limits: FloatLimits | None = None
+        self.selection: Selection | None = None
+        #: Actions whose keys the grid handles while it has the focus.
+        self.keys: list[QAction] = []
+        self._floats: Bools | None = None
+        #: Cell where a selection begins, and whether a drag extends it.
+        self._anchor: GridCell | None = None
+        self._is_selecting = False
         #: Colour for painting the strips.
         self.color = QColor("#2d6a8e")
         self._fits_view = True
+        #: Cell that was used last, for menus: the mouse leaves the grid on its way to them.
+        self._last_place: GridCell | None = None
         self._stroke: Stroke | None = None
         self._last_cell: GridCell | None = None
         self._highlighted: GridCell | None = None
@@ -74,7 +104,12 @@ class DraftGrid(QAbstractScrollArea):
             return None
         across, down = (bar.value() for bar in self._scroll_bars)
         return DraftLayout(
-            self.shown, self.cell, self._viewport_size(), (across, down), self.as_cloth
+            self.shown,
+            self.cell,
+            self._viewport_size(),
+            (across, down),
+            self.as_cloth,
+            self.from_back,
         )
 
     def show_draft(self, shown: EditableDraft | None) -> None:
@@ -87,8 +122,42 @@ class DraftGrid(QAbstractScrollArea):
             self._highlighted = None
             if self._fits_view:
                 self.fit()
+        if self.selection is not None and (shown is None or not is_inside(shown, self.selection)):
+            self.select(None)
+        self._floats = None
         self._update_scroll_range()
         self.repaint_all()
+        self.shown_changed.emit()
+
+    def select(self, selection: Selection | None) -> None:
+        """Select cells; None: none."""
+        if selection != self.selection:
+            self.selection = selection
+            self.selected.emit()
+            self.viewport().update()
+
+    @property
+    def place(self) -> Selection:
+        """The selection; if there is none, the cell under the mouse or the last used one."""
+        if self.selection is not None:
+            return self.selection
+        for cell in (self._highlighted, self._last_place):
+            if cell is not None and self.shown is not None:
+                found = Selection.between(cell.panel, cell[1:], cell[1:])
+                if is_inside(self.shown, found):
+                    return found
+        return Selection("threading", (1, 1), (1, 1))
+
+    @property
+    def target(self) -> Selection:
+        """The selection; if there is none, the whole panel of the place."""
+        assert self.shown is not None
+        return self.selection or select_all(self.shown, self.place.panel)
+
+    def change(self, shown: EditableDraft, name: str) -> None:
+        """Show an edited draft, and report the edit."""
+        self.show_draft(shown)
+        self.edited.emit(shown, name, False)
 
     def fit(self) -> None:
         """Choose the size of cells so that the whole draft is visible."""
@@ -119,10 +188,26 @@ class DraftGrid(QAbstractScrollArea):
             )
         self.repaint_all()
 
-    def set_view(self, as_cloth: bool, colored: bool) -> None:
-        """Set the orientation and whether yarns are coloured."""
+    def set_view(
+        self,
+        as_cloth: bool,
+        colored: bool,
+        from_back: bool = False,
+        float_limits: FloatLimits | None = None,
+    ) -> None:
+        """Set the orientation, whether yarns are coloured, the face, and the marked floats."""
         self.as_cloth, self.colored = as_cloth, colored
+        self.from_back, self.float_limits = from_back, float_limits
+        self._floats = None
         self.repaint_all()
+
+    @property
+    def floats(self) -> Bools | None:
+        """Crossings of floats to mark on the visible face, (picks, ends)."""
+        if self._floats is None and self.float_limits is not None and self.shown is not None:
+            face = not self.from_back
+            self._floats = mark_floats(self.shown.drawdown, self.float_limits, face)
+        return self._floats
 
     def repaint_all(self) -> None:
         """Discard the cached picture and paint again."""
@@ -147,7 +232,8 @@ class DraftGrid(QAbstractScrollArea):
             column = ("shaft" if lifted else "treadle") + f" {cell.x} · "
             return f"{column if panel == 'treadling' else ''}pick {cell.y} {verb} {pressed}"
         end, pick = cell.x, cell.y
-        side = "over" if shown.drawdown[pick - 1, end - 1] else "under"
+        over = shown.drawdown[pick - 1, end - 1] != self.from_back
+        side = ("over" if over else "under") + (" (back)" if self.from_back else "")
         shafts = _join_numbers(loom.threading[end - 1], "–")
         marks = _join_numbers(shown.treadling[pick - 1], "–")
         return (
@@ -164,7 +250,8 @@ class DraftGrid(QAbstractScrollArea):
             painter.fillRect(self.viewport().rect(), inks.back)
             painter.end()
             return
-        painting = DraftPainter(self.shown, layout, inks, self.colored)
+        look = self.colored, self.from_back, self.floats
+        painting = DraftPainter(self.shown, layout, inks, *look)
         if self._picture is None:
             ratio = self.devicePixelRatioF()
             size = self.viewport().size() * ratio
@@ -176,20 +263,59 @@ class DraftGrid(QAbstractScrollArea):
             painting.paint(inside, ratio)
             inside.end()
         painter.drawImage(0, 0, self._picture)
+        if self.selection is not None:
+            painting.outline(painter, self.selection)
         if self._highlighted is not None and not self.is_stroking:
             painting.highlight(painter, self._highlighted)
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Start a stroke, or pick a colour with the right button."""
+        """Start a stroke or a selection; with Ctrl, pick the colour of a strip."""
         cell = self._cell_at(event.position())
-        if cell is None or self.shown is None:
+        if event.button() != Qt.MouseButton.LeftButton or self.shown is None:
             return
-        if event.button() == Qt.MouseButton.RightButton and cell.panel in ("warp", "weft"):
+        keys = event.modifiers()
+        if cell is None:
+            self.select(None)
+            return
+        self._last_place = cell
+        extends = bool(keys & Qt.KeyboardModifier.ShiftModifier)
+        if extends or self.selects:
+            self._begin_selection(cell, extends)
+        elif cell.panel in STRIPS and keys & Qt.KeyboardModifier.ControlModifier:
             colors = self.shown.yarn_colors(cell.panel)
             self.color_picked.emit(QColor(*colors[(cell.x or cell.y) - 1].tolist()))
-        if event.button() == Qt.MouseButton.LeftButton:
-            self._start_stroke(cell, event.modifiers())
+        else:
+            self.select(None)
+            # Where a click cannot mark cells, a drag selects them.
+            self._anchor = cell
+            self._is_selecting = cell.panel == "drawdown" and not self.shown.is_pattern
+            self._start_stroke(cell, keys)
+
+    def _begin_selection(self, cell: GridCell, extends: bool) -> None:
+        """Select a cell, or extend the selection to it."""
+        anchor = self._anchor
+        if not extends or self.selection is None or anchor is None or anchor.panel != cell.panel:
+            self._anchor = cell
+        self._is_selecting = True
+        self._extend_selection(cell)
+
+    def _extend_selection(self, cell: GridCell) -> None:
+        assert self._anchor is not None
+        self.select(Selection.between(cell.panel, self._anchor[1:], cell[1:]))
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Request the menu of the cell under the mouse, or of the selection by the keyboard."""
+        is_mouse = event.reason() == QContextMenuEvent.Reason.Mouse
+        cell = self._cell_at(QPointF(event.pos())) if is_mouse else self._highlighted
+        if self.shown is None or self.is_stroking:
+            return
+        if cell is not None:
+            self._last_place = cell
+            clicked = Selection.between(cell.panel, cell[1:], cell[1:])
+            if self.selection is not None and not self.selection.contains(clicked):
+                self.select(None)
+        self.menu_requested.emit(event.globalPos())
 
     def _start_stroke(self, cell: GridCell, keys: Qt.KeyboardModifier) -> None:
         assert self.shown is not None
@@ -199,13 +325,21 @@ class DraftGrid(QAbstractScrollArea):
                 f"{'treadling' if self.shown.loom.liftplan is None else 'liftplan'}."
             )
             return
-        second = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
-        self._stroke = Stroke(self.shown, cell, bool(keys & second), self.color)
+        second = bool(keys & Qt.KeyboardModifier.ControlModifier)
+        self._stroke = Stroke(self.shown, cell, second, self.color)
         self._last_cell = cell
         self._apply_stroke(cell)
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
         """Continue a stroke, or describe the cell under the mouse."""
+        if self._is_selecting and self._anchor is not None:
+            layout = self.current_layout()
+            assert layout is not None
+            at = event.position()
+            nearest = layout.nearest_cell(at.x(), at.y(), self._anchor.panel)
+            if nearest != self._anchor or self.selection is not None:
+                self._extend_selection(nearest)
+            return
         if self._stroke is None:
             self._highlight(self._cell_at(event.position()))
             return
@@ -222,7 +356,10 @@ class DraftGrid(QAbstractScrollArea):
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         """End a stroke."""
-        if self._stroke is not None and event.button() == Qt.MouseButton.LeftButton:
+        if event.button() != Qt.MouseButton.LeftButton:
+            return
+        self._is_selecting = False
+        if self._stroke is not None:
             self._end_stroke()
             self._highlight(self._cell_at(event.position()))
 
@@ -231,11 +368,34 @@ class DraftGrid(QAbstractScrollArea):
             name, self._stroke = self._stroke.name, None
             self.edited.emit(self.shown, name, False)
 
+    def event(self, event: QEvent) -> bool:
+        """Claim the keys of the grid's own actions before the shortcuts of the window."""
+        if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.ShortcutOverride:
+            is_escape = event.key() == Qt.Key.Key_Escape and self.selection is not None
+            if is_escape or self._action_of(event) is not None:
+                event.accept()
+                return True
+        return super().event(event)
+
+    def _action_of(self, event: QKeyEvent) -> QAction | None:
+        """Return the action whose key is pressed."""
+        pressed = QKeySequence(event.keyCombination())
+        action = next((each for each in self.keys if pressed in each.shortcuts()), None)
+        if action is None or self.is_stroking:
+            return None
+        self.about_to_act.emit()
+        return action if action.isEnabled() else None
+
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Move between cells with the arrow keys, edit with Enter, zoom with + and -."""
+        """Move between cells with the arrow keys, with Shift select, edit with Enter, zoom."""
         key, cell = event.key(), self._highlighted
-        if key in _ARROW_STEPS and self.shown is not None and not self.is_stroking:
-            self._move_highlight(*_ARROW_STEPS[key])
+        if (action := self._action_of(event)) is not None:
+            action.trigger()
+        elif key == Qt.Key.Key_Escape and self.selection is not None:
+            self.select(None)
+        elif key in _ARROW_STEPS and self.shown is not None and not self.is_stroking:
+            extends = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
+            self._move_highlight(*_ARROW_STEPS[key], extends)
         elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and cell is not None:
             self._start_stroke(cell, event.modifiers())
             self._end_stroke()
@@ -245,20 +405,32 @@ class DraftGrid(QAbstractScrollArea):
         else:
             super().keyPressEvent(event)
 
-    def _move_highlight(self, across: int, down: int) -> None:
-        """Move to the next cell; at the edge of a grid, to the next grid."""
-        start = self._scroll_to(self._highlighted or GridCell("threading", 1, 1))
+    def number_steps(self, panel: str, across: int, down: int) -> tuple[int, int]:
+        """Convert steps on the screen, to the right and down, to steps of numbers."""
         layout = self.current_layout()
         assert layout is not None
-        spans, directions = layout.panels[start.panel], (across, down)
-        x, y = (
-            number + (-direction if span.reversed else direction)
-            for number, span, direction in zip(start[1:], spans, directions, strict=True)
-        )
+        x, y = layout.panels[panel]
+        return -across if x.reversed else across, -down if y.reversed else down
+
+    def _move_highlight(self, across: int, down: int, extends: bool) -> None:
+        """Move to the next cell; at the edge of a grid, to the next grid; or extend a selection."""
+        start = self._scroll_to(self._highlighted or GridCell("threading", 1, 1))
+        self._last_place = start
+        if extends and (self.selection is None or self.selection.panel != start.panel):
+            self._anchor = start
+        layout = self.current_layout()
+        assert layout is not None
+        spans = layout.panels[start.panel]
+        steps = self.number_steps(start.panel, across, down)
+        x, y = (number + step for number, step in zip(start[1:], steps, strict=True))
         if all(
             min(span.cells, 1) <= n <= span.cells for n, span in zip((x, y), spans, strict=True)
         ):
             self._highlight(self._scroll_to(GridCell(start.panel, x, y)))
+            if extends:
+                self._extend_selection(GridCell(start.panel, x, y))
+            return
+        if extends:
             return
         middle = layout.center(start)
         for distance in range(self.cell + GAP + STRIP):
@@ -282,6 +454,12 @@ class DraftGrid(QAbstractScrollArea):
             low, high = max(span.low, 0), min(span.high, space)
             bar.setValue(bar.value() + min(0, begin - low) + max(0, begin + span.size - high))
         return cell
+
+    def scroll_to_selection(self) -> None:
+        """Scroll until the first selected cell is visible."""
+        if self.selection is not None:
+            first = self.selection.x[0], self.selection.y[0]
+            self._scroll_to(GridCell(self.selection.panel, *first))
 
     def leaveEvent(self, _event: QEvent) -> None:
         """Remove the highlight."""
@@ -310,6 +488,16 @@ class DraftGrid(QAbstractScrollArea):
             self.repaint_all()
         super().changeEvent(event)
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """Let commands know that they can be applied."""
+        super().showEvent(event)
+        self.shown_changed.emit()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Let commands know that they cannot be applied."""
+        super().hideEvent(event)
+        self.shown_changed.emit()
+
     def sizeHint(self) -> QSize:
         """Return a size that is enough for a small draft."""
         return QSize(360, 420)
@@ -319,7 +507,7 @@ class DraftGrid(QAbstractScrollArea):
         assert self.shown is not None
         shown = self._stroke.apply(self.shown, cell)
         if shown is not self.shown:
-            self.shown = shown
+            self.shown, self._floats = shown, None
             self._update_scroll_range()
             self.repaint_all()
             self.edited.emit(shown, self._stroke.name, True)

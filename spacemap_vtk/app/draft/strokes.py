@@ -10,18 +10,9 @@ import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.draft_layout import GridCell
+from spacemap_vtk.scenes.draft_edits import PANEL_NAMES
 from spacemap_vtk.scenes.editable_draft import EditableDraft
 from spacemap_vtk.textile.drafts.loom import Loom
-
-#: Names of the edits in the undo menu.
-EDIT_NAMES = {
-    "threading": "threading",
-    "tieup": "tie-up",
-    "treadling": "treadling",
-    "drawdown": "drawdown",
-    "warp": "warp colours",
-    "weft": "weft colours",
-}
 
 
 class Stroke:
@@ -32,7 +23,7 @@ class Stroke:
 
     def __init__(self, shown: EditableDraft, cell: GridCell, several: bool, color: QColor) -> None:
         self.panel = cell.panel
-        self.name = EDIT_NAMES[cell.panel]
+        self.name = PANEL_NAMES[cell.panel]
         self._color = color.red(), color.green(), color.blue()
         if cell.panel == "drawdown":
             self._sets_marks = not shown.drawdown[cell.y - 1, cell.x - 1]

@@ -7,6 +7,7 @@ import numpy as np
 from spacemap_vtk.draw.draft_print.content import THREADS, DraftContent, color_letter, write_row
 from spacemap_vtk.draw.draft_print.cover import draft_notes
 from spacemap_vtk.draw.draft_print.group_flow import Row, group_rows, heading_rows, paragraph_rows
+from spacemap_vtk.textile.drafts.loom import count_marks
 
 
 def list_draft(content: DraftContent, width: float) -> list[Row]:
@@ -42,11 +43,9 @@ def _list_loom(content: DraftContent, width: float) -> list[Row]:
 
 
 def _count_heddles(content: DraftContent) -> list[str]:
-    counts = np.zeros(content.loom.shafts + 1, int)
-    for row in content.loom.threading:
-        counts[list(row)] += 1
-    words = [f"{shaft}: {count};" for shaft, count in enumerate(counts[1:].tolist(), start=1)]
-    return [*words, f"together {counts.sum()}"]
+    counts = count_marks(content.loom.threading, content.loom.shafts)
+    words = [f"{shaft}: {count};" for shaft, count in enumerate(counts, start=1)]
+    return [*words, f"together {sum(counts)}"]
 
 
 def _list_colors(content: DraftContent, family: int, width: float) -> list[Row]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.ndarrays import Bools
+from spacemap_vtk.ndarrays import Bools, Ints
 from spacemap_vtk.textile.drafts.drawdown import as_drawdown
 from spacemap_vtk.textile.drafts.loom import Loom, Rows
 from spacemap_vtk.textile.weave.threads import Lengths, repeat_values
@@ -64,8 +64,8 @@ class DraftThreads:
             return self
         return replace(self, thickness=spacing if self.spacing is None else self.spacing)
 
-    def crop(self, part: slice) -> DraftThreads:
-        # Some of the threads.
+    def crop(self, part: slice | Ints) -> DraftThreads:
+        # Some of the threads, in the order of their indices.
         values = {name: getattr(self, name) for name in ("spacing", "thickness", "colors")}
         own = {name: value[part] for name, value in values.items() if np.ndim(value)}
         return replace(self, **own)

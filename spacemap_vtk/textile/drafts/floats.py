@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from spacemap_vtk.ndarrays import Ints
+from spacemap_vtk.ndarrays import Bools, Ints
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.drafts.drawdown import as_drawdown
 
@@ -105,3 +105,34 @@ def find_floats(drawdown: ArrayLike, family: int, face: bool = True) -> YarnFloa
     yarn, begin = np.nonzero(steps == 1)
     _, end = np.nonzero(steps == -1)
     return YarnFloats(yarn, begin, end - begin)
+
+
+def mark_floats(drawdown: ArrayLike, limits: FloatLimits, face: bool = True) -> Bools:
+    """Mark the crossings of long floats on one face.
+
+    Parameters
+    ----------
+    drawdown : (picks, ends) array_like
+        True: the end lies over the pick.
+    limits : tuple of int
+        Most crossings of floats of ends, and of picks, that are not marked.
+    face : bool
+        True: the face, which the drawdown shows. False: the reverse.
+
+    Returns
+    -------
+    (picks, ends) bool
+        True where the yarn that is seen on this face floats over more crossings.
+    """
+    shape = as_drawdown(drawdown).shape
+    marks = np.zeros(shape, bool)
+    for family, most in enumerate(limits):
+        yarn, begin, length = find_floats(drawdown, family, face).longer_than(most)
+        yarns, others = shape[::-1] if family == 0 else shape
+        # +1 where a float begins, -1 after its end: floats of one yarn on one face do not touch.
+        steps = np.zeros((yarns, others + 1), np.int8)
+        steps[yarn, begin] = 1
+        steps[yarn, begin + length] = -1
+        floating = np.cumsum(steps[:, :-1], axis=1, dtype=np.int8) > 0
+        marks |= floating.T if family == 0 else floating
+    return marks

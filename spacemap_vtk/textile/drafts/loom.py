@@ -5,7 +5,7 @@ An edit returns a new loom. Ends, picks, shafts and treadles are counted from 1,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -190,6 +190,64 @@ class Loom:
         return Loom(
             self.threading, tuple(number), tuple(treadling), rising=self.rising, shafts=self.shafts
         )
+
+
+def to_marks(rows: Iterable[Sequence[int]], columns: int) -> Bools:
+    """Convert numbers to a grid of marks.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of int
+        Numbers, from 1, of each row.
+    columns : int
+        Numbers that are larger get no mark.
+
+    Returns
+    -------
+    (rows, columns) bool
+        True where a row contains the number.
+    """
+    rows = list(rows)
+    row = np.repeat(np.arange(len(rows)), [len(numbers) for numbers in rows])
+    number = np.fromiter(chain.from_iterable(rows), np.intp)
+    marks = np.zeros((len(rows), columns), bool)
+    marks[row[number <= columns], number[number <= columns] - 1] = True
+    return marks
+
+
+def from_marks(marks: Bools) -> Rows:
+    """Convert a grid of marks to numbers, the inverse of `to_marks`.
+
+    Parameters
+    ----------
+    marks : (rows, columns) bool
+        True where a row contains the number.
+
+    Returns
+    -------
+    tuple of tuple of int
+        Numbers, from 1, of each row.
+    """
+    return tuple(tuple((np.flatnonzero(row) + 1).tolist()) for row in marks)
+
+
+def count_marks(rows: Rows, columns: int) -> tuple[int, ...]:
+    """Count in how many rows each number occurs.
+
+    Parameters
+    ----------
+    rows : tuple of tuple of int
+        Shafts of each end, or treadles of each pick.
+    columns : int
+        Number of shafts or treadles.
+
+    Returns
+    -------
+    tuple of int
+        Heddles on each shaft, or picks of each treadle.
+    """
+    numbers = np.fromiter(chain.from_iterable(map(set, rows)), np.intp)
+    return tuple(np.bincount(numbers, minlength=columns + 1)[1:].tolist())
 
 
 def highest_number(*rows: Iterable[tuple[int, ...]]) -> int:
