@@ -19,6 +19,7 @@ from spacemap_vtk.cli.options import (
     From,
     InsetPlaces,
     Light,
+    Motion,
     Quiet,
     ScaleBar,
     SceneFile,
@@ -90,6 +91,7 @@ def render(
             group=PICTURE,
         ),
     ] = None,
+    motion: Motion | None = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -114,6 +116,7 @@ def render(
     chosen = open_scene(
         scene,
         set_,
+        motion,
         time=time,
         size=size,
         color=color,
@@ -163,6 +166,7 @@ def animate(
     again: Annotated[
         bool, flag("Draw all frames again, also those kept from a stopped film.")
     ] = False,
+    motion: Motion | None = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -189,6 +193,7 @@ def animate(
     chosen = open_scene(
         scene,
         set_,
+        motion,
         size=size,
         color=color,
         style=style,
@@ -316,6 +321,7 @@ def export(
             "with the same seed; see view.irregularity. Default: regular yarns, as measured."
         ),
     ] = False,
+    motion: Motion | None = None,
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
@@ -353,7 +359,9 @@ def export(
         )
     with name_options():
         job = make_data_job(output, "modes" if modes else what or "", pieces=pieces or 0)
-    chosen = open_scene(scene, set_, time=time, color=color, start=start, stop=stop, fps=fps)
+    chosen = open_scene(
+        scene, set_, motion, time=time, color=color, start=start, stop=stop, fps=fps
+    )
     given = {"--times": times or None, "--from": start, "--to": stop, "--fps": fps}
     if found := [option for option, value in given.items() if value is not None]:
         _check_times(job, found)

@@ -7,13 +7,15 @@ import math
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
 from spacemap_vtk.cli import completers
-from spacemap_vtk.errors import InputError, escape_unprintable
+from spacemap_vtk.errors import InfoMessage, InputError, escape_unprintable
 from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import LIGHTS, STYLES
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 PICTURE = Group.create_ordered("Picture")
 TIMES = Group.create_ordered("Times")
 SCENE = Group.create_ordered("Scene")
+CLOTH = Group.create_ordered("Cloth in motion")
 MESSAGES = Group.create_ordered("Messages")
 
 
@@ -191,9 +194,104 @@ Quiet = Annotated[bool, flag("Print no progress and no warnings.", "--quiet", "-
 Json = Annotated[bool, flag("Print JSON, for other programs.", "--json", group=MESSAGES)]
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Options that make cloth in motion of any textile (`spacemap_vtk.scenes.presets`)."""
+
+    hang: Annotated[
+        bool, flag("Hang the cloth as a curtain, drawn together on a rail.", group=CLOTH)
+    ] = False
+    drape: Annotated[
+        bool,
+        flag("Lay the cloth on a round table, over which it hangs in folds.", group=CLOTH),
+    ] = False
+    drop: Annotated[
+        bool, flag("Let the cloth fall onto a ball; a film shows how it lands.", group=CLOTH)
+    ] = False
+    swing: Annotated[
+        bool, flag("Hold the cloth level by two edges, and let go of one.", group=CLOTH)
+    ] = False
+    yarn: Annotated[
+        str | None,
+        Parameter(
+            help='Yarn of this cloth, for example "8/2 cotton" (see "spacemap yarns"). Default: '
+            "that of the scene, or cotton as thick as its yarns.",
+            group=CLOTH,
+        ),
+    ] = None
+    cloth_size: Annotated[
+        str | None,
+        Parameter(
+            help="Size of this cloth, for example 40cm, or 40x60cm along weft and warp. Default: "
+            "whole repeats, large enough to fold under its own weight.",
+            group=CLOTH,
+        ),
+    ] = None
+    save_scene: Annotated[
+        Path | None,
+        Parameter(help="Also write the scene as a .toml file, to change it there.", group=CLOTH),
+    ] = None
+
+    @property
+    def preset(self) -> str | None:
+        """Name of the chosen preset; None without one."""
+        names = [name for name in ("hang", "drape", "drop", "swing") if getattr(self, name)]
+        if len(names) > 1:
+            raise InputError(f"cannot be combined with --{names[1]}", key=f"--{names[0]}")
+        for name, value in (("--yarn", self.yarn), ("--cloth-size", self.cloth_size)):
+            if value is not None and not names:
+                raise InputError(
+                    "needs --hang, --drape, --drop or --swing",
+                    key=name,
+                    value=value,
+                    cure="Without a motion, set the yarn by --set weave.warp_yarn=… and the size "
+                    "by --set weave.ends=….",
+                )
+        return names[0] if names else None
+
+    @property
+    def size(self) -> tuple[float, ...] | None:
+        """Sides of the cloth [m]; None if they are not given."""
+        if self.cloth_size is None:
+            return None
+        words = self.cloth_size.lower().split("x")
+        unit = words[-1].lstrip("0123456789. ")
+        with suppress(InputError):
+            sides = tuple(
+                parse_quantity(word if word[-1:].isalpha() else word + unit, "m") for word in words
+            )
+            if len(sides) <= 2 and all(1e-3 <= side <= 100.0 for side in sides):
+                return sides
+        raise InputError(
+            "must be a size of cloth",
+            key="--cloth-size",
+            value=self.cloth_size,
+            allowed="one or two lengths of 1 mm to 100 m, for example 40cm or 40x60cm",
+        )
+
+
+def read_scene(name: str, assignments: Sequence[str], motion: Motion | None) -> Scene:
+    """Read a scene, make cloth in motion of it if asked for, and set values."""
+    from spacemap_vtk.scenes.scene import Scene
+
+    scene = Scene.read(name)
+    for assignment in assignments:
+        scene.set(assignment)
+    if motion is None or motion.preset is None:
+        return scene
+    from spacemap_vtk.scenes import presets
+
+    made = presets.apply(scene, motion.preset, yarn=motion.yarn, size=motion.size)
+    for assignment in assignments:  # explicit values replace those of the preset
+        made.set(assignment)
+    return made
+
+
 def open_scene(
     name: str,
     assignments: Sequence[str] = (),
+    motion: Motion | None = None,
     *,
     time: str | None = None,
     size: str | None = None,
@@ -210,12 +308,9 @@ def open_scene(
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
     # Imported here, because they import VTK, which no command's help needs.
-    from spacemap_vtk.scenes.scene import Scene
     from spacemap_vtk.scenes.scene_record import describe_outside_files
 
-    scene = Scene.read(name)
-    for assignment in assignments:
-        scene.set(assignment)
+    scene = read_scene(name, assignments, motion)
     if time is not None and "," in time:
         raise InputError(
             "must be a single time",
@@ -260,6 +355,10 @@ def open_scene(
             ) from error
     for text in describe_outside_files(scene):
         scene.warn(text)
+    if motion is not None and motion.save_scene is not None:
+        from spacemap_vtk.scenes.presets import write_scene
+
+        write_scene(scene, motion.save_scene)
     return scene
 
 
@@ -339,7 +438,8 @@ def print_warnings(scene: Scene, quiet: bool, brief: bool = False) -> None:
             shown[-1] += f" (and {hidden} more: spacemap info {scene.file})"
         texts = shown
     for text in texts:
-        print("spacemap: warning:", escape_unprintable(text, "\n"), file=sys.stderr)
+        kind = "note" if isinstance(text, InfoMessage) else "warning"
+        print(f"spacemap: {kind}:", escape_unprintable(text, "\n"), file=sys.stderr)
 
 
 def number_table(headings: Iterable[str], words: int = 0, **more: Any) -> Table:

@@ -38,9 +38,13 @@ def make_record(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) 
     return Record(__version__, order, text, file, tuple(times), inputs)
 
 
-def scene_values(scene: Scene) -> dict[str, Any]:
-    """Return the values of a scene file, in the scene's folder, that gives the present scene."""
-    folder = scene.file.parent if scene.file else Path()
+def scene_values(scene: Scene, folder: Path | None = None) -> dict[str, Any]:
+    """Return the values of a scene file that gives the present scene.
+
+    Paths in it are relative to `folder`, by default that of the scene.
+    """
+    if folder is None:
+        folder = scene.file.parent if scene.file else Path()
     values: dict[str, Any] = {"title": scene.title}
     for name, part in scene.parts.items():
         # Skip stages that are neither given nor connected. All else counts, given or not.

@@ -15,6 +15,7 @@ from spacemap_vtk.io.registry import reader_endings, reads
 _LONGEST = 2**24
 #: Most names in one dotted key, for the same reason.
 _NAMES = 16
+_NONE: Mapping[tuple[str, str], str] = {}
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -76,13 +77,38 @@ def format_value(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False, default=str)
 
 
-def format_scene(values: Mapping[str, Any], comment: str) -> str:
-    """Return the text of a scene file, which begins with a comment on its origin."""
+def format_scene(
+    values: Mapping[str, Any], comment: str, remarks: Mapping[tuple[str, str], str] = _NONE
+) -> str:
+    """Return the text of a scene file, which begins with a comment on its origin.
+
+    Remarks become comments behind the keys, given by section and key, that they are about. Lists
+    of tables are written as tables.
+    """
     lines = [f"# {comment}"]
     for section, content in values.items():
-        if isinstance(content, Mapping):
-            lines += ["", f"[{section}]"]
-            lines += [f"{key} = {format_value(value)}" for key, value in content.items()]
-        else:
+        if not isinstance(content, Mapping):
             lines.insert(1, f"{section} = {format_value(content)}")
+            continue
+        lines += ["", f"[{section}]"]
+        tables = {key: value for key, value in content.items() if _is_tables(value)}
+        for key, value in content.items():
+            remark = remarks.get((section, key))
+            behind = f"    # {remark}" if remark else ""
+            if key not in tables:
+                lines.append(f"{key} = {format_value(value)}{behind}")
+        for key, value in tables.items():
+            remark = remarks.get((section, key))
+            lines += ["", f"# {remark}"] if remark else []
+            for number, table in enumerate(value):
+                lines += [""] * (number > 0 or not remark) + [f"[[{section}.{key}]]"]
+                lines += [f"{name} = {format_value(item)}" for name, item in table.items()]
     return "\n".join(lines) + "\n"
+
+
+def _is_tables(value: Any) -> bool:
+    return (
+        isinstance(value, (list, tuple))
+        and bool(value)
+        and all(isinstance(item, Mapping) for item in value)
+    )

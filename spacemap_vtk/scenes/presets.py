@@ -1,0 +1,643 @@
+"""Presets of motion: from any scene of a textile to cloth that hangs, lies, falls or swings.
+
+A preset adds to a draft, weave or other textile what a motion needs: the stiffness of its yarns, a
+size at which cloth bends under its own weight, a cage, gravity, and what the cloth meets. The
+result is an ordinary scene, which `write_scene` saves.
+
+All lengths follow from the bending length c of the cloth (Peirce), the cube root of its bending
+rigidity over its weight per area: it decides how wide folds are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spacemap_vtk.errors import InfoMessage, InputError
+from spacemap_vtk.filters.textile_sheet import textile_of
+from spacemap_vtk.filters.textile_source import TextileSource
+from spacemap_vtk.filters.weave_parameters import parameter_name
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
+from spacemap_vtk.io.formats.toml import format_scene
+from spacemap_vtk.io.output import atomic_file
+from spacemap_vtk.mechanics.elements.plates import data_sheet
+from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import scene_values
+from spacemap_vtk.textile.geometry.partition import cloth_bounds
+from spacemap_vtk.textile.weave.figures import fabric_figures
+from spacemap_vtk.textile.weave.yarn_library import MATERIALS, parse_yarn
+from spacemap_vtk.units import GRAVITY, format_quantity
+
+#: Material of yarns of which none is known.
+_MATERIAL = "cotton"
+#: Shear rigidity of a double weave, whose yarns are not known to the law of yarns.
+_SHEAR = "60 N/m"
+#: Young's modulus of steel [Pa], of which wire meshes are made.
+_STEEL = 200e9
+#: Side of the cloth over its bending length, unless its size is given.
+_SIDE = {"hang": 16.0, "drape": 16.0, "drop": 12.0, "swing": 12.0}
+#: Width of a cell over the bending length.
+_CELL = 0.57
+#: Most cells; more take minutes.
+_MOST_CELLS = 1200
+#: The same for motions in time steps.
+_STEPPED_CELLS = 324
+#: Most Bézier patches of a knit or another textile, whose yarns are all drawn.
+_MOST_PATCHES = 250_000
+#: Distance of the rings of a curtain over the bending length, if it is flat.
+_RING = 3.0
+#: Share by which a curtain is drawn together.
+_CLOSER = 0.3
+#: Stiffness of the springs that hold its rings, over the weight of a unit width [1/m].
+_PULL = 14.0
+#: Pressure of the draught that moves it, over its weight per area.
+_DRAUGHT = 0.08
+#: A textile that is longer than this multiple of its width is a strip.
+_STRIP = 2.2
+#: Numbers of repeats of textiles along x and y.
+_COUNTS = (("wales", "repeats_across"), ("courses", "repeats_along"))
+#: Sections that describe a motion, and are replaced.
+_MOTION = ("cage", "contact", "modal", "response", "transient", "motion", "rotation", "warp")
+
+
+class Preset(NamedTuple):
+    """A motion that a textile can be given."""
+
+    label: str
+    """Its name in menus."""
+    help: str
+    """One sentence on what it shows."""
+
+
+#: How to choose other yarns.
+_CURE = '; choose others with --yarn "8/2 cotton" (see "spacemap yarns")'
+
+#: The presets by name.
+PRESETS = {
+    "hang": Preset("Hang", "Hang the cloth as a curtain, drawn together on a rail."),
+    "drape": Preset("Drape", "Lay the cloth on a round table, over which it hangs in folds."),
+    "drop": Preset("Drop", "Let the cloth fall onto a ball; a film shows how it lands."),
+    "swing": Preset("Swing", "Hold the cloth level by two edges, and let go of one."),
+}
+
+
+@dataclass
+class Plan:
+    """What a preset makes of a scene."""
+
+    values: dict[str, Any]
+    """The scene's values, as in a scene file in the scene's folder."""
+    notes: list[str] = field(default_factory=list)
+    """Sentences on what was assumed."""
+
+
+class _Sheet(NamedTuple):
+    """The cloth for which a preset chooses lengths."""
+
+    low: Floats
+    """Least coordinates [m], (3,)."""
+    high: Floats
+    """Largest coordinates [m], (3,)."""
+    bending_length: float
+    """Mean of both directions [m]."""
+    weight: float
+    """Weight per area [N/m2]."""
+
+    @property
+    def sides(self) -> Floats:
+        """Sides along x and y [m]."""
+        return (self.high - self.low)[:2]
+
+    @property
+    def middle(self) -> float:
+        """Mean of the least and the largest z [m]."""
+        return float(self.low[2] + self.high[2]) / 2
+
+    @property
+    def thickness(self) -> float:
+        """Thickness [m]."""
+        return float(self.high[2] - self.low[2])
+
+    def cells(self, most: int = _MOST_CELLS, narrowest: float = _CELL) -> list[int]:
+        """Return numbers of cells along x, y and z."""
+        width = max(
+            narrowest * self.bending_length,
+            1.05 * self.thickness,
+            math.sqrt(float(self.sides.prod()) / most),
+        )
+        return [max(3, round(float(side) / width)) for side in self.sides] + [1]
+
+
+def apply(
+    scene: Scene | str | Path,
+    preset: str,
+    *,
+    yarn: str | None = None,
+    size: Sequence[float] | None = None,
+) -> Scene:
+    """Make a scene in which a textile moves.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        A scene with a weave or another textile, a draft's file, or the name of a scene that comes
+        with the program. It is not changed.
+    preset : {"hang", "drape", "drop", "swing"}
+        How the textile moves.
+    yarn : str, optional
+        Name of the yarn of warp and weft, such as ``"8/2 cotton"``. By default that of the scene;
+        otherwise yarns of cotton as thick as the scene's.
+    size : float or two floats, optional
+        Sides of the cloth along x and y [m]. By default sixteen bending lengths, in whole repeats.
+
+    Returns
+    -------
+    Scene
+        Its warnings begin with what was assumed.
+
+    Raises
+    ------
+    InputError
+        If the scene has no textile, the yarn is not known, or the textile is no sheet.
+    """
+    given = scene if isinstance(scene, Scene) else Scene.read(scene)
+    plan = make_plan(given, preset, yarn=yarn, size=size)
+    made = Scene(plan.values, given.file)
+    for note in plan.notes:
+        made.warn(InfoMessage(note))
+    return made
+
+
+def make_plan(
+    scene: Scene,
+    preset: str,
+    *,
+    yarn: str | None = None,
+    size: Sequence[float] | None = None,
+) -> Plan:
+    """Decide the values of the scene that `apply` makes.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a weave or another textile.
+    preset, yarn, size
+        As for `apply`.
+
+    Returns
+    -------
+    Plan
+        The values and what was assumed.
+    """
+    if preset not in PRESETS:
+        raise InputError("unknown preset", key="preset", value=preset, allowed=", ".join(PRESETS))
+    source = scene.source
+    if not isinstance(source, (WeaveSource, TextileSource)):
+        raise InputError(
+            "only a textile can hang, drape, drop or swing",
+            key=f"--{preset}",
+            cure="Open a draft, or a scene with a section [weave] or [textile].",
+        )
+    values = scene_values(scene)
+    for section in (*_MOTION, "animation"):
+        values.pop(section, None)
+    view = values.setdefault("view", {})
+    for key in ("camera", "show", "time", "color", "zoom", "position", "focal_point", "supports"):
+        view.pop(key, None)
+    plan = Plan(values)
+    prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
+    sides = tuple(np.broadcast_to(size, 2).tolist()) if size is not None else None
+    sheet = prepare(plan, scene, _SIDE[preset], yarn, sides)
+    values["title"] = f"{scene.title}: {PRESETS[preset].label.lower()}"
+    _MAKERS[preset](values, sheet)
+    values["warp"] = {"smooth": True}
+    values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
+    return plan
+
+
+def write_scene(scene: Scene, file: Path) -> None:
+    """Save a scene as a file that gives the same picture.
+
+    Parameters
+    ----------
+    scene : Scene
+        Any scene.
+    file : Path
+        A ``.toml`` file; paths of other files are relative to its folder.
+    """
+    values = scene_values(scene, file.resolve().parent)
+    remarks = {(s, k): text for (s, k), text in _REMARKS.items() if k in values.get(s, {})}
+    text = format_scene(values, "Saved by spacemap.", remarks)
+    with atomic_file(file) as path:
+        path.write_text(text, encoding="utf-8")
+
+
+def _prepare_weave(
+    plan: Plan, scene: Scene, share: float, yarn: str | None, size: tuple[float, ...] | None
+) -> _Sheet:
+    """Choose yarns and size of a weave; return the sheet that it forms."""
+    values, weave = plan.values, plan.values.setdefault("weave", {})
+    if yarn is not None:
+        _use_yarn(plan, weave, yarn)
+    small = Scene({"weave": weave}, scene.file)
+    source = small.part(WeaveSource)
+    yarns = dict(values.get("yarns", {}))
+    known = {"tension", "modulus"} & yarns.keys() and "bending" in yarns
+    if not known:
+        yarns |= _yarns_of_weave(plan, source)
+    values["yarns"] = yarns
+    values["modal"] = {"elements": "sheet"}
+    cloth = source.cloth
+    cloth.check()
+    if cloth.layers is None:
+        values["modal"] |= {"material": "yarns", "law": "linear"}
+    else:
+        values["modal"] |= _layered_figures(source, yarns)
+        values.pop("yarns")
+        plan.notes.append(f"both cloths of the double weave together are sheared with {_SHEAR}")
+    own = YarnParameters(**{k: v for k, v in yarns.items() if k in YarnParameters.parameters})
+    solver = Scene({"modal": values["modal"]}).modal
+    mass = float(fabric_figures(cloth)["areal_mass"])
+    plate, mass = solver.sheet_stiffness(
+        1e-3, 2, mass, cloth, None if cloth.layers is not None else own
+    )
+    length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
+    assigned = scene.assigned
+    target = size or (share * length,) * 2
+    counts = []
+    for axis, (key, threads) in enumerate(zip(("ends", "picks"), cloth.threads, strict=True)):
+        drafted, spacing = source.source.size[axis], threads.mean_spacing(1e-3)
+        wanted = target[axis] / spacing
+        if size is None and wanted > drafted:
+            wanted = drafted * max(1, round(wanted / drafted))
+        elif size is None and wanted > 0.8 * drafted:
+            wanted = drafted
+        counts.append(int(weave[key]) if ("weave", key) in assigned else max(2, round(wanted)))
+    for axis, key in enumerate(("ends", "picks")):
+        weave[key] = counts[axis]
+    drafted = source.source.size
+    if source.draft is not None and any(c < d for c, d in zip(counts, drafted, strict=True)):
+        plan.notes.append(
+            f"the cloth shows {counts[0]} of {drafted[0]} ends and {counts[1]} of {drafted[1]} "
+            "picks of the draft; --cloth-size shows more of it"
+        )
+    box = cloth_bounds(Scene({"weave": weave}, scene.file).part(WeaveSource).cloth).reshape(3, 2)
+    return _Sheet(box[:, 0], box[:, 1], length, mass * GRAVITY)
+
+
+def _use_yarn(plan: Plan, weave: dict[str, Any], name: str) -> None:
+    """Weave with a yarn of the library, at its usual sett."""
+    yarn = parse_yarn(name)
+    sett = yarn.published.plain_sett if yarn.published else None
+    # Ashenhurst: in plain weave each yarn leaves room for another one beside it.
+    usual = sett or 0.5 * yarn.diameters_per_metre
+    for family in (0, 1):
+        for quantity in ("diameter", "count", "spacing", "crimp"):
+            weave.pop(parameter_name(quantity, family), None)
+        weave[parameter_name("yarn", family)] = yarn.name
+        weave[parameter_name("sett", family)] = f"{usual / 100:.3g} /cm"
+    weave.pop("warp_crimp_height", None)
+    how = "its usual sett" if sett else "half of Ashenhurst's diameters"
+    plan.notes.append(f"{yarn.name} is woven with {usual / 100:.3g} yarns per cm, {how}")
+
+
+def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
+    """Return the section [yarns] for the yarns of a weave."""
+    cloth, densities = source.cloth, source.linear_densities
+    if densities is None:
+        raise InputError("the yarns of this cloth have no mass", key="weave", value="densities")
+    ends, moduli, bending, words = cloth.size[0], [], [], []
+    for family, own in enumerate((densities[:ends], densities[ends:])):
+        named = getattr(source, parameter_name("yarn", family))
+        name = named[0] if isinstance(named, tuple) else named
+        material = MATERIALS[parse_yarn(name).word if name else _MATERIAL]
+        fibre, mean = material.fibre, float(np.mean(own))
+        moduli.append(f"{fibre.yarn_modulus / 1e4:.3g} cN/tex")
+        bending.append(_rounded(fibre.bending(mean), "N.m2"))
+        size = "" if named else " (thickness assumed)" * (cloth.threads[family].size == "assumed")
+        words.append(name or f"{_MATERIAL} of {mean * 1e6:.3g} tex{size}")
+    both = f"of {words[0]}" if words[0] == words[1] else f"of {words[0]} and {words[1]}"
+    chosen = any(getattr(source, parameter_name("yarn", family)) for family in (0, 1))
+    cure = "" if chosen else _CURE
+    plan.notes.append(f"the yarns are taken to be {both}{cure}")
+    return {
+        "inextensible": False,
+        "modulus": moduli[0] if moduli[0] == moduli[1] else moduli,
+        "bending": bending[0] if bending[0] == bending[1] else bending,
+        "flattest": 1.0,
+    }
+
+
+def _layered_figures(source: WeaveSource, yarns: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures of a double weave, whose two cloths slide on each other."""
+    known = YarnParameters(**yarns)
+    cloth = source.cloth
+    tension, bending = WarpAndWeft.pair(known.tension), WarpAndWeft.pair(known.bending)
+    densities, ends = source.linear_densities, cloth.size[0]
+    assert densities is not None
+    assert bending is not None
+    if tension is None:
+        modulus = WarpAndWeft.pair(known.modulus)
+        assert modulus is not None
+        means = float(np.mean(densities[:ends])), float(np.mean(densities[ends:]))
+        tension = modulus[0] * means[0], modulus[1] * means[1]
+    setts = [1.0 / threads.mean_spacing(1e-3) for threads in cloth.threads]
+    return {
+        "tensile_rigidity": [_rounded(t * n, "N/m") for t, n in zip(tension, setts, strict=True)],
+        "bending_rigidity": [_rounded(b * n, "N.m") for b, n in zip(bending, setts, strict=True)],
+        "shear_rigidity": _SHEAR,
+        "poissons_ratio_in_plane": 0.0,
+    }
+
+
+def _prepare_textile(
+    plan: Plan, scene: Scene, share: float, yarn: str | None, size: tuple[float, ...] | None
+) -> _Sheet:
+    """Choose yarns and size of a textile; return the sheet that it forms."""
+    values, textile = plan.values, plan.values.setdefault("textile", {})
+    if yarn is not None:
+        named = parse_yarn(yarn)
+        width = 2.0 * math.sqrt(named.linear_density / named.bulk_density / math.pi)
+        textile["diameter"] = _rounded(width, "m")
+        textile["fibre_density"] = named.material.density
+        textile["packing"] = named.material.packing
+        plan.notes.append(f"the yarns are {named.name}, {textile['diameter']} thick")
+    source = Scene({"textile": textile}, scene.file).part(TextileSource)
+    if not {"tension", "bending"} <= textile.keys():
+        textile |= _yarns_of_textile(plan, source, yarn)
+    if source.kind == "knit" and "set_share" not in textile:
+        textile["set_share"] = 1.0
+        plan.notes.append("the knit is blocked, so that it does not curl (textile.set_share = 1)")
+    values["modal"] = {"elements": "sheet", "material": "yarns", "law": "linear"}
+    small = Scene({"textile": textile}, scene.file)
+    data = _output(small)
+    solver = Scene({"modal": values["modal"]}).modal
+    plate, _ = solver.sheet_stiffness(1e-3, cloth=textile_of(data))
+    sides = np.ptp(np.reshape(data.GetBounds(), (3, 2)), axis=1)[:2]
+    woven = data.GetFieldData().GetArray("areal_mass")
+    if woven is None:  # of a strip, whose yarns repeat themselves along one axis only
+        named = {figure.key: figure.value for figure in source.figures}
+        mass = float(named["mass_per_length"] or 0.0) / float(sides[0])
+        values["modal"]["areal_mass"] = _rounded(mass, "kg/m2")
+    else:
+        mass = float(woven.GetValue(0))
+    length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
+    target = np.array(size or (share * length,) * 2)
+    counts: list[str | None] = [
+        next((key for key in keys if not source.disabled_by(key)), None) for keys in _COUNTS
+    ]
+    free = [key is not None and ("textile", key) not in scene.assigned for key in counts]
+    factors = np.where(free, target / sides, 1.0)
+    patches = data.GetNumberOfCells() * float(factors.prod())
+    if size is None and patches > _MOST_PATCHES:
+        factors[free] *= (_MOST_PATCHES / patches) ** (1.0 / sum(free))
+    for key, factor, wanted in zip(counts, factors, free, strict=True):
+        if key is not None and wanted:
+            textile[key] = max(2, round(getattr(small.part(TextileSource), key) * float(factor)))
+    box = np.reshape(_output(Scene({"textile": textile}, scene.file)).GetBounds(), (3, 2))
+    return _Sheet(box[:, 0], box[:, 1], length, mass * GRAVITY)
+
+
+def _output(scene: Scene) -> Any:
+    """Return the yarns that the source of a scene makes."""
+    scene.update_stage(scene.source)
+    return scene.source.output
+
+
+def _yarns_of_textile(plan: Plan, source: TextileSource, yarn: str | None) -> dict[str, Any]:
+    """Return tension and bending of the yarns of a textile."""
+    width = float(np.max(source.yarn_diameters))
+    mass = float(np.max(source.linear_densities))
+    if source.kind == "mesh":
+        plan.notes.append(f"the wires are taken to be of steel, {_rounded(width, 'm')} thick")
+        tension, bending = _STEEL * math.pi * width**2 / 4, _STEEL * math.pi * width**4 / 64
+    else:
+        material = MATERIALS[parse_yarn(yarn).word if yarn else _MATERIAL]
+        tension, bending = material.fibre.yarn_modulus * mass, material.fibre.bending(mass)
+        if yarn is None:
+            plan.notes.append(
+                f"the yarns are taken to be {_MATERIAL} of {mass * 1e6:.3g} tex{_CURE}"
+            )
+    return {"tension": _rounded(tension, "N"), "bending": _rounded(bending, "N.m2")}
+
+
+def _rounded(value: float, unit: str) -> str:
+    """Format a value with three digits and its unit."""
+    return format_quantity(value, unit, 3)
+
+
+def _lengths(*values: float) -> list[Any]:
+    """Format lengths [m] as in a scene file."""
+    return [_rounded(value, "m") if value else 0.0 for value in values]
+
+
+def _length(value: float) -> str:
+    return _rounded(value, "m")
+
+
+def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
+    """Hang cloth from rings that slide along a rail and are drawn together; strips from a line."""
+    # Each ring is drawn towards the middle by a spring and a force, which together move it by a
+    # share of its distance; half of both acts on each side of the cloth.
+    width, height = sheet.sides
+    modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 40}
+    cells = sheet.cells()
+    rings = 2 * max(0, round(0.5 * width / (_RING * sheet.bending_length)))
+    if rings < 2:
+        modal["fixed"] = "+y"
+    else:
+        across = rings * max(2, round(cells[0] / rings))
+        cells = [across, max(3, round(across * height / width * 0.6)), 1]
+        spring = _PULL * sheet.weight * height
+        top, reach = float(sheet.high[1]), max(0.6 * sheet.thickness, 0.2 * width / across)
+        places = np.linspace(sheet.low[0], sheet.high[0], rings + 1)
+        middle = float(places.mean())
+        sphere = {
+            x: f"sphere({', '.join([*map(str, _lengths(x, top, sheet.middle)), _length(reach)])})"
+            for x in map(float, places)
+        }
+        centre = float(places[rings // 2])
+        modal["fixed"] = [sphere[x] + (":yz" if x != centre else "") for x in sphere]
+        others = [x for x in sphere if x != centre]
+        modal["springs"] = [f"{sphere[x]}:x {_rounded(spring, 'N/m')}" for x in others]
+        modal["dead_loads"] = [
+            {
+                "force": [float(f"{0.5 * spring * _CLOSER * (middle - x):.4g}"), 0.0, 0.0],
+                "at": _lengths(x, top, z),
+            }
+            for x in others
+            for z in (sheet.low[2], sheet.high[2])
+        ]
+    values["modal"] = modal
+    values["cage"] = {"divisions": cells}
+    values["response"] = {
+        "damping_ratio": 0.08,
+        "loads": [
+            {
+                "pressure": _rounded(_DRAUGHT * sheet.weight, "Pa"),
+                "on": "-z",
+                "time": "table",
+                "times": ["0 s", "0.2 s", "0.5 s"],
+                "values": [0.0, 1.0, 0.0],
+            }
+        ],
+    }
+    values["rotation"] = {}
+    values["view"] |= {"camera": "three-quarter"}
+    values["animation"] = {"stop": "3 s"}
+
+
+def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
+    """Lay cloth on a round table, or a strip over a rod."""
+    width, height = sheet.sides
+    side = float(min(width, height))
+    x, y, z = 0.5 * (sheet.low + sheet.high)
+    z = float(sheet.low[2])
+    if max(width, height) > _STRIP * side:
+        radius = 0.08 * float(max(width, height))
+        along = [1.0, 0.0, 0.0] if height > width else [0.0, 1.0, 0.0]
+        obstacles = [
+            {
+                "shape": "cylinder",
+                "radius": _length(radius),
+                "height": _length(1.5 * side),
+                "axis": along,
+                "center": _lengths(x, y, z - radius),
+                "friction": 0.4,
+            }
+        ]
+    else:
+        # Cloth meets the table at samples of its cells, a quarter of their width apart.
+        thick = max(0.08 * side, 2.4 * float(width) / sheet.cells()[0])
+        leg = 0.62 * float(math.hypot(width, height)) - 0.3 * side * 0.5
+        obstacles = [
+            {
+                "shape": "disc",
+                "radius": _length(0.3 * side),
+                "height": _length(thick),
+                "rounding": _length(0.25 * thick),
+                "center": _lengths(x, y, z),
+                "friction": 0.3,
+            },
+            {
+                "shape": "cylinder",
+                "radius": _length(0.043 * side),
+                "height": _length(leg),
+                "center": _lengths(x, y, z - thick - 0.5 * leg),
+            },
+            {
+                "shape": "disc",
+                "radius": _length(0.2 * side),
+                "height": _length(0.045 * side),
+                "center": _lengths(x, y, z - thick - leg),
+            },
+            {"shape": "plane", "center": _lengths(0.0, 0.0, z - thick - leg - 0.045 * side)},
+        ]
+    values["modal"] |= {
+        "gravity": [0.0, 0.0, "-1 g"],
+        "fixed": "",
+        "modes": 12,
+        "obstacles": obstacles,
+    }
+    values["cage"] = {"divisions": sheet.cells()}
+    values["response"] = {
+        "damping_ratio": 0.08,
+    }
+    values["animation"] = {"stop": "2 s"}
+
+
+def _drop(values: dict[str, Any], sheet: _Sheet) -> None:
+    """Let cloth fall onto a ball on a stand, in time steps."""
+    side = float(min(sheet.sides))
+    x, y, z = 0.5 * (sheet.low + sheet.high)
+    radius = 0.27 * side
+    # Off the middle by a fiftieth, as nothing falls exactly onto the middle.
+    x, y, z = x + 0.02 * side, y - 0.013 * side, float(sheet.low[2]) - 0.1 * side - radius
+    values["modal"] |= {
+        "fixed": "",
+        "hang": False,
+        "modes": 6,
+        "obstacles": [
+            {
+                "shape": "sphere",
+                "radius": _length(radius),
+                "center": _lengths(x, y, z),
+                "friction": 0.3,
+            },
+            {
+                "shape": "cylinder",
+                "radius": _length(0.07 * side),
+                "height": _length(0.5 * side),
+                "center": _lengths(x, y, z - radius - 0.23 * side),
+            },
+        ],
+    }
+    values["cage"] = {"divisions": sheet.cells(_STEPPED_CELLS)}
+    # From rest, the cloth falls by 0.1 sides and then drapes.
+    span = _tidy(2.2 * math.sqrt(2.0 * 0.5 * side / GRAVITY))
+    values["transient"] = {
+        "gravity": [0.0, 0.0, "-1 g"],
+        "alpha": 0.5,
+        "beta": "3 ms",
+        "tolerance": 0.1,
+        "duration": f"{span} s",
+    }
+    values["view"] |= {"time": f"{_tidy(0.8 * span)} s"}
+    values["animation"] = {"stop": f"{span} s", "speed": 0.2}
+
+
+def _swing(values: dict[str, Any], sheet: _Sheet) -> None:
+    """Hold cloth level by two edges, and let go of one, in time steps."""
+    period = 2.0 * math.pi * math.sqrt(2.0 * float(sheet.sides[1]) / (3.0 * GRAVITY))
+    values["modal"] |= {"fixed": "+y", "modes": 6}
+    values["cage"] = {"divisions": sheet.cells(_STEPPED_CELLS)}
+    span = _tidy(2.0 * period)
+    values["transient"] = {
+        "held": "-y",
+        "gravity": [0.0, 0.0, "-1 g"],
+        "alpha": 1.5,
+        "beta": "3 ms",
+        "tolerance": 0.02,
+        "duration": f"{span} s",
+    }
+    values["view"] |= {"time": f"{_tidy(0.28 * period)} s"}
+    values["animation"] = {"stop": f"{span} s", "speed": 0.5}
+
+
+def _tidy(value: float) -> float:
+    """Round to two digits."""
+    return float(f"{value:.2g}")
+
+
+_MAKERS: dict[str, Callable[[dict[str, Any], _Sheet], None]] = {
+    "hang": _hang,
+    "drape": _drape,
+    "drop": _drop,
+    "swing": _swing,
+}
+
+#: Comments on keys of scenes that presets make.
+_REMARKS = {
+    ("cage", "divisions"): "cells about half as wide as the bending length",
+    ("modal", "material"): "stiffness from [yarns]",
+    ("modal", "law"): "stress is the stiffness of the yarns times the strain",
+    ("modal", "gravity"): "the motion starts from the equilibrium under it",
+    ("modal", "obstacles"): "what the cloth meets",
+    ("modal", "springs"): "each draws a ring towards the middle, with a force of dead_loads",
+    ("modal", "hang"): "the cloth starts where it is",
+    ("yarns", "bending"): "twice that of fibres that slide freely",
+    ("yarns", "flattest"): "crossings are hard",
+    ("warp", "smooth"): "no kinks between the cage's cells",
+    ("rotation", ""): "no artificial stretch at large rotations",
+    ("transient", "held"): "until t = 0",
+    ("transient", "alpha"): "drag of the air",
+    ("transient", "beta"): "damps waves as short as a cell",
+    ("transient", "tolerance"): "sufficient for pictures",
+}
