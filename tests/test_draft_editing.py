@@ -216,6 +216,17 @@ def test_a_threading_is_pasted_into_the_treadling():
     np.testing.assert_array_equal(painted.weft[3:5], before.warp[1:3])
 
 
+def test_two_threadings_are_interleaved():
+    before = draft_of(TWILL)
+    block = blocks.read_block("4 3")
+    after, place = edits.interleave(before, Selection("threading", (2, 4), (1, 4)), block)
+    assert [row[0] for row in after.loom.threading] == [1, 2, 4, 3, 3, 4, 4, 1, 2, 3, 4]
+    assert place == Selection("threading", (2, 7), (1, 4))
+    np.testing.assert_array_equal(after.drawdown, after.loom.drawdown())
+    with pytest.raises(InputError, match="reach beyond the threading"):
+        edits.interleave(before, place, blocks.read_block("5"))
+
+
 def test_whole_drafts_are_woven_as_drawn_in_turned_and_turned_over():
     before = draft_of(TWILL)
     drawn_in = edits.weave_as_drawn_in(before)

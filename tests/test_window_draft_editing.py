@@ -94,7 +94,8 @@ def test_menus_edit_threads_and_show_what_is_selected(
     assert window.draft.commands.header.text() == "Threading, all"
     assert not actions["Copy"].isEnabled()
     assert not actions["Insert… picks"].isVisible()
-    assert actions["Insert ends or picks"].text() == "Insert ends…"
+    assert actions["Insert ends or picks"].text() == "Insert ends before 3…"
+    assert actions["Delete ends or picks"].text() == "Delete end 3"
     actions["Point draw"].trigger()
     menu.close()
     assert [row[0] for row in grid.shown.loom.threading] == [1, 2, 3, 4, 3, 2, 1, 2]

@@ -191,10 +191,7 @@ def paste(
     whole = select_all(shown, selection.panel)
     first, room = selection.threads.start, whole.places[1] - selection.places[0] + 1
     if block.dtype == bool and block[: whole.threads.stop - first, room:].any():
-        raise InputError(
-            f"the marks to paste reach beyond the {PANEL_NAMES[selection.panel]}",
-            cure="Add shafts or treadles, or paste at a lower one",
-        )
+        raise _reaches_beyond(selection.panel)
     return change_block(
         shown,
         whole,
@@ -207,8 +204,7 @@ def paste_threads(
 ) -> tuple[EditableDraft, Selection]:
     """Insert a block as new ends or picks before the selected ones; return also its place."""
     _check_kind(selection.panel, block)
-    if selection.panel not in ("threading", "treadling", *STRIPS):
-        raise InputError("ends and picks can be inserted in threading, treadling and colours only")
+    _check_threads(selection.panel)
     before = selection.threads.start
     family = 0 if selection.panel in END_PANELS else 1
     shown = insert_threads(shown, family, before, len(block))
@@ -219,6 +215,46 @@ def paste_threads(
         shown = clear(shown, placed.with_places(1, columns))
     shown = paste(shown, placed, block)
     return shown, placed.with_places(placed.places[0], placed.places[0] + block.shape[1] - 1)
+
+
+def interleave(
+    shown: EditableDraft, selection: Selection, block: NDArray
+) -> tuple[EditableDraft, Selection]:
+    """Insert a thread of a block, repeated, after each selected one; return also their place."""
+    # Each selected thread is doubled, and the second one gets the next thread of the block.
+    _check_kind(selection.panel, block)
+    _check_threads(selection.panel)
+    first, count = selection.threads.start, selection.threads.stop - selection.threads.start
+    shown = double_threads(shown, 0 if selection.panel in END_PANELS else 1, selection.threads)
+    places = select_all(shown, selection.panel).places[1]
+    whole = selection.with_threads(first + 1, first + 2 * count).with_places(1, places)
+    if block.shape[1] > places:
+        raise _reaches_beyond(selection.panel)
+    new = blocks.paste_block(
+        np.zeros((count, *read_block(shown, whole).shape[1:]), block.dtype),
+        blocks.tile_block(block, count, block.shape[1]),
+        0,
+        0,
+    )
+
+    def write_second(grid: NDArray) -> NDArray:
+        grid = grid.copy()
+        grid[1::2] = new
+        return grid
+
+    return change_block(shown, whole, write_second), whole
+
+
+def _check_threads(panel: str) -> None:
+    if panel not in ("threading", "treadling", *STRIPS):
+        raise InputError("ends and picks can be inserted in threading, treadling and colours only")
+
+
+def _reaches_beyond(panel: str) -> InputError:
+    return InputError(
+        f"the marks to paste reach beyond the {PANEL_NAMES[panel]}",
+        cure="Add shafts or treadles, or paste at a lower one",
+    )
 
 
 def _check_kind(panel: str, block: NDArray) -> None:

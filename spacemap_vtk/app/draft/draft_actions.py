@@ -28,13 +28,6 @@ _ALL = (*_GRIDS, *STRIPS)
 #: Weaves offered to fill a block.
 _WEAVES = ("plain", "twill 2/2", "twill 3/1", "twill 1/3", "satin 5/2", "satin 8/3", "basket 2")
 _FAMILY_NAMES = ("ends", "picks")
-#: Commands for the ends or picks of the panel in use, and what menus call them.
-_THREAD_LABELS = {
-    "Insert ends or picks": "Insert {}…",
-    "Repeat ends or picks": "Repeat {}…",
-    "Delete ends or picks": "Delete {}",
-}
-
 _Edit = Callable[[EditableDraft, Selection], EditableDraft]
 
 
@@ -77,9 +70,11 @@ class DraftActions(QObject):
         self._add_changes(self.menu)
         self.menu.addSeparator()
         use = _Use(tuple(panel for panel in _ALL if panel != "tieup"), writes=False)
-        slots = self._ask_insert, self._ask_repeat, self._delete_threads
-        keys = "Ins", "Ctrl+Shift+R", "Ctrl+Del"
-        for name, slot, key in zip(_THREAD_LABELS, slots, keys, strict=True):
+        for name, slot, key in (
+            ("Insert ends or picks", self._ask_insert, "Ins"),
+            ("Repeat ends or picks", self._ask_repeat, "Ctrl+Shift+R"),
+            ("Delete ends or picks", self._delete_threads, "Ctrl+Del"),
+        ):
             self._add(self.menu, name, slot, key, use).setObjectName(name)
         for family in (0, 1):
             self._add_threads(self.menu, family)
@@ -124,7 +119,10 @@ class DraftActions(QObject):
         overlay = partial(self._paste, overlay=True)
         self._add(more, "Add to the marks", overlay, None, _Use(_GRIDS))
         threads = _Use((*_DRAWN, *STRIPS))
-        self._add(more, "Insert as new threads", self._paste_threads, "Ctrl+Shift+V", threads)
+        insert = partial(self._paste_threads, "insert", edits.paste_threads)
+        self._add(more, "Insert as new threads", insert, "Ctrl+Shift+V", threads)
+        between = partial(self._paste_threads, "interleave", edits.interleave)
+        self._add(more, "Interleave with the selection", between, None, threads)
         flips = ("Mirrored left to right", 1), ("Mirrored top to bottom", 0)
         for name, axis in flips:
             self._add(more, name, partial(self._paste, axis=axis), None, _Use(_ALL))
@@ -206,7 +204,7 @@ class DraftActions(QObject):
         """Insert the menu into a menu bar."""
         # A menu of the grid would belong to a native window within the main window, which Qt
         # cannot show it for.
-        self.menu.setParent(bar, self.menu.windowFlags())
+        self.menu.setParent(bar.window(), self.menu.windowFlags())
         bar.insertMenu(before, self.menu)
         self._update()
 
@@ -215,12 +213,14 @@ class DraftActions(QObject):
         grid = self._grid
         if grid.shown is None:
             return "no draft"
-        lifted = grid.shown.loom.liftplan is not None
         if grid.selection is not None:
-            return grid.selection.describe(lifted)
-        name = grid.place.panel
-        name = "liftplan" if lifted and name == "treadling" else PANEL_NAMES[name]
-        return f"{name}, all"
+            return grid.selection.describe(grid.shown.loom.liftplan is not None)
+        return f"{self._panel_name(grid.place.panel)}, all"
+
+    def _panel_name(self, panel: str) -> str:
+        shown = self._grid.shown
+        lifted = shown is not None and shown.loom.liftplan is not None
+        return "liftplan" if lifted and panel == "treadling" else PANEL_NAMES[panel]
 
     def _update(self) -> None:
         """Enable what can be applied to the selection."""
@@ -229,9 +229,7 @@ class DraftActions(QObject):
         text = "show the draft" if hidden else self.describe()
         self.header.setText(text[0].upper() + text[1:])
         self.header.setEnabled(hidden)
-        what = "picks" if grid.place.panel in ("treadling", "weft") else "ends"
-        for name, label in _THREAD_LABELS.items():
-            self.actions[name].setText(label.format(what))
+        self._name_threads()
         for action, use in self._uses.items():
             # A hidden draft may be older than the scene.
             shown = None if hidden else grid.shown
@@ -245,6 +243,20 @@ class DraftActions(QObject):
             action.setEnabled(enabled)
         for menu in self.menu.findChildren(QMenu):
             menu.menuAction().setEnabled(any(action.isEnabled() for action in menu.actions()))
+
+    def _name_threads(self) -> None:
+        """Let the commands of ends or picks say which ones they change."""
+        family, part = self._threads(None)
+        what = _FAMILY_NAMES[family]
+        first, last = part.start + 1, part.stop
+        some = f"{what[:-1]} {first}" if first == last else f"{what} {first}–{last}"
+        repeated = some if self._grid.selection is not None else f"all {what}"
+        for name, label in (
+            ("Insert ends or picks", f"Insert {what} before {first}…"),
+            ("Repeat ends or picks", f"Repeat {repeated}…"),
+            ("Delete ends or picks", f"Delete {some}"),
+        ):
+            self.actions[name].setText(label)
 
     def _show_menu(self, at: QPoint) -> None:
         """Show the menu at a point, without what the panel under it does not have."""
@@ -270,7 +282,7 @@ class DraftActions(QObject):
         except SpacemapError as error:
             self.message.emit(_sentence(error))
         else:
-            grid.change(changed, f"{PANEL_NAMES[selection.panel]}: {name}")
+            grid.change(changed, f"{self._panel_name(selection.panel)}: {name}")
 
     def _apply_whole(self, name: str, edit: Callable[[EditableDraft], EditableDraft]) -> None:
         if self._grid.shown is None:
@@ -310,17 +322,23 @@ class DraftActions(QObject):
             block = np.flip(block, 1 - axis if upright else axis)
         self._apply("paste", partial(edits.paste, block=block, overlay=overlay), place)
 
-    def _paste_threads(self) -> None:
+    def _paste_threads(
+        self,
+        name: str,
+        paste: Callable[[EditableDraft, Selection, NDArray], tuple[EditableDraft, Selection]],
+    ) -> None:
+        """Paste new ends or picks, and select them."""
         grid, block = self._grid, self._clipboard_block()
         if block is None or grid.shown is None:
             return
+        place = grid.target if name == "interleave" else grid.place
         try:
-            changed, place = edits.paste_threads(grid.shown, grid.place, block)
+            changed, placed = paste(grid.shown, place, block)
         except SpacemapError as error:
             self.message.emit(_sentence(error))
         else:
-            grid.change(changed, f"{PANEL_NAMES[place.panel]}: insert")
-            grid.select(place)
+            grid.change(changed, f"{self._panel_name(place.panel)}: {name}")
+            grid.select(placed)
 
     def _select_all(self) -> None:
         if self._grid.shown is not None:

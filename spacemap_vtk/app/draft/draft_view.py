@@ -336,6 +336,12 @@ class DraftGrid(QAbstractScrollArea):
             layout = self.current_layout()
             assert layout is not None
             at = event.position()
+            # Beyond the edge of the widget, the draft scrolls.
+            for bar, place, size in zip(
+                self._scroll_bars, (at.x(), at.y()), self._viewport_size(), strict=True
+            ):
+                bar.setValue(bar.value() + self.cell * (int(place >= size) - int(place < 0)))
+            layout = self.current_layout() or layout
             nearest = layout.nearest_cell(at.x(), at.y(), self._anchor.panel)
             if nearest != self._anchor or self.selection is not None:
                 self._extend_selection(nearest)
