@@ -157,7 +157,7 @@ def _strip_quotes(text: str) -> str:
 
 
 #: Names of the sides as seen from the front, in the order of the buttons.
-_SIDE_NAMES = {
+SIDE_NAMES = {
     "+y": "top",
     "+x": "right",
     "+z": "front",
@@ -165,7 +165,7 @@ _SIDE_NAMES = {
     "-x": "left",
     "-z": "back",
 }
-assert set(_SIDE_NAMES) == set(SIDES)
+assert set(SIDE_NAMES) == set(SIDES)
 
 
 class SupportsEditor(LineEditor):
@@ -175,7 +175,7 @@ class SupportsEditor(LineEditor):
         super().__init__(parameter)
         self.sides: dict[str, QPushButton] = {}
         grid = QGridLayout(spacing=4)
-        for number, (side, word) in enumerate(_SIDE_NAMES.items()):
+        for number, (side, word) in enumerate(SIDE_NAMES.items()):
             tip = f"Fix the {word} side of the cage ({side})"
             button = QPushButton(objectName="side", checkable=True, toolTip=tip)
             button.clicked.connect(self._submit_checked)
@@ -193,7 +193,7 @@ class SupportsEditor(LineEditor):
             partly = (
                 str(supports[side]).removeprefix(side)[1:].strip("()") if side in supports else ""
             )
-            button.setText(f"{side} {_SIDE_NAMES[side]}" + (f" ({partly})" if partly else ""))
+            button.setText(f"{side} {SIDE_NAMES[side]}" + (f" ({partly})" if partly else ""))
 
     def show_in_use(self, value: Any) -> None:
         """Show in grey what is held automatically, or that nothing is held."""

@@ -18,6 +18,8 @@ class Editor(QWidget):
     wide = True
     #: A value as in a scene file, and the burst: a number that is the same during one drag.
     edited = Signal(object, int)
+    #: The error of an input that is no value for a scene file.
+    refused = Signal(object)
     #: Whether a drag is in progress.
     dragging = Signal(bool)
     #: The text is again that of the present value, so that a refused text is gone.

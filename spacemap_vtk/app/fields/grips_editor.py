@@ -21,7 +21,7 @@ class GripsEditor(RecordCards):
     """Cards of the grips, each with its place, path and motion."""
 
     def __init__(self, parameter: Grips) -> None:
-        super().__init__(parameter, [*SIDES, _OTHER])
+        super().__init__(parameter, [*SIDES, _OTHER], parameter.record.noun)
 
     def first_values(self, kind: str) -> dict[str, Any]:
         """Return the first values of a new grip: it holds a side, or what lies at the origin."""

@@ -33,7 +33,7 @@ class LoadsEditor(RecordCards):
     """Cards of the loads, each with its action, place and time function."""
 
     def __init__(self, parameter: Loads) -> None:
-        super().__init__(parameter, parameter.actions)
+        super().__init__(parameter, parameter.actions, parameter.record.noun)
         self._timed = parameter.timed
 
     def first_values(self, kind: str) -> dict[str, Any]:

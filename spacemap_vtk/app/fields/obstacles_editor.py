@@ -44,7 +44,7 @@ class ObstaclesEditor(RecordCards):
     selected = Signal(object, object)
 
     def __init__(self, parameter: Obstacles) -> None:
-        super().__init__(parameter, SHAPES)
+        super().__init__(parameter, SHAPES, parameter.record.noun)
         self._obstacles: Sequence[Obstacle] = ()
         self._selected: int | None = None
         QApplication.instance().focusChanged.connect(self._select_focused)

@@ -10,21 +10,25 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QComboBox, QFrame, QLabel, QMenu, QToolButton, QWidget
 
+from spacemap_vtk.app.fields.basic_editors import SIDE_NAMES
 from spacemap_vtk.app.fields.editor import Editor, ignore_wheel
 from spacemap_vtk.app.fields.parameter_row import ParameterRow, make_editor
 from spacemap_vtk.app.widgets import column, row, tool_button
-from spacemap_vtk.filters.records import Record, Records
+from spacemap_vtk.errors import InputError
+from spacemap_vtk.filters.records import Record
+from spacemap_vtk.mechanics.boundary.places import SIDES
+from spacemap_vtk.parameters import Parameter
 
 
 class RecordCards(Editor):
     """Cards of records, and a button to add one of some kind."""
 
-    def __init__(self, parameter: Records, kinds: Iterable[str]) -> None:
+    def __init__(self, parameter: Parameter[Any], kinds: Iterable[str], noun: str) -> None:
         super().__init__(parameter)
         self.cards: list[RecordCard] = []
         self.kinds = list(kinds)
         self._tables: list[dict[str, Any]] = []
-        self.add_button = QToolButton(text=f"Add {parameter.record.noun} ▾")
+        self.add_button = QToolButton(text=f"Add {noun} ▾")
         self.add_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.add_button)
         for kind in self.kinds:
@@ -32,6 +36,10 @@ class RecordCards(Editor):
         menu.triggered.connect(self._add)
         self.add_button.setMenu(menu)
         self._layout = column(self, self.add_button)
+
+    def as_value(self, tables: list[dict[str, Any]]) -> list[Any]:
+        """Return the value in a scene file for the tables of all records."""
+        return tables
 
     def first_values(self, kind: str) -> dict[str, Any]:
         """Return the first values of a new record of a kind."""
@@ -85,7 +93,7 @@ class RecordCards(Editor):
             card.deleteLater()
 
     def _add(self, action: Any) -> None:
-        self.edited.emit([*self._tables, self.first_values(action.data())], 0)
+        self._submit([*self._tables, self.first_values(action.data())])
 
     def change(self, number: int, changes: dict[str, Any] | None, burst: int = 0) -> None:
         """Emit the records with some values of one changed, or without it."""
@@ -95,7 +103,15 @@ class RecordCards(Editor):
         else:
             changed = tables[number] | changes
             tables[number] = {key: value for key, value in changed.items() if value is not None}
-        self.edited.emit(tables, burst)
+        self._submit(tables, burst)
+
+    def _submit(self, tables: list[dict[str, Any]], burst: int = 0) -> None:
+        try:
+            value = self.as_value(tables)
+        except InputError as error:
+            self.refused.emit(error)
+        else:
+            self.edited.emit(value, burst)
 
 
 class RecordCard(QFrame):
@@ -158,6 +174,8 @@ class RecordCard(QFrame):
 
 def label_of(kind: str) -> str:
     """Return a kind in words."""
+    if kind in SIDES:
+        return f"{SIDE_NAMES[kind].capitalize()} side ({kind})"
     return kind.replace("_", " ").capitalize()
 
 

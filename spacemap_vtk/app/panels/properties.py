@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
@@ -19,6 +20,7 @@ from spacemap_vtk.app.fields.loads_editor import LoadsEditor
 from spacemap_vtk.app.fields.obstacles_editor import ObstaclesEditor
 from spacemap_vtk.app.fields.parameter_info import automatic_values, feasible_intervals, idle_reason
 from spacemap_vtk.app.fields.parameter_row import ParameterRow, RowGroup, RowPair, make_editor
+from spacemap_vtk.app.fields.places_editor import PLACES, PlacesEditor
 from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
@@ -95,6 +97,8 @@ class Properties(QScrollArea):
         self._bounds: tuple[Sequence[float], Sequence[float]] = (-0.05, 0.05) * 3, (0.0, 0.0, -1.0)
         #: Editor of the obstacles; made with its page.
         self._obstacles: ObstaclesEditor | None = None
+        #: Editors of springs, masses and rigid bodies; made with their page.
+        self._places: list[PlacesEditor] = []
         self._next_limits = 0.0
         #: The last settings of which feasible intervals were computed, and these intervals.
         self._feasible: deque[tuple[dict[str, Any], dict[str, tuple[float, float]]]] = deque(
@@ -196,6 +200,8 @@ class Properties(QScrollArea):
         self._bounds = bounds, gravity
         if self._obstacles is not None:
             self._obstacles.set_bounds(bounds, gravity)
+        for editor in self._places:
+            editor.set_bounds(bounds)
 
     def select_obstacle(self, number: int | None = None) -> None:
         """Select the card of an obstacle, if its page has been shown, or none."""
@@ -232,6 +238,10 @@ class Properties(QScrollArea):
             editor.selected.connect(self.obstacle_selected)
         elif isinstance(parameter, Grips):
             editor = GripsEditor(parameter)
+        elif isinstance(parameter, PLACES):
+            editor = PlacesEditor(parameter)
+            editor.set_bounds(self._bounds[0])
+            self._places.append(editor)
         else:
             editor = make_editor(parameter)
         if isinstance(editor, FileEditor):
@@ -240,6 +250,7 @@ class Properties(QScrollArea):
         row.edited.connect(self._set_value)
         row.dragging.connect(self.dragging)
         row.restored.connect(self._clear_refusal)
+        editor.refused.connect(partial(self._refuse, parameter.name))
         page.rows[parameter.name] = row
         return row
 
@@ -387,18 +398,22 @@ class Properties(QScrollArea):
         try:
             self._document.set(self.section, name, written, burst)
         except InputError as error:
-            error.section = error.section or self.section
-            self.mark_error(error)
-            # The error may name a part of the value, for which there is no row; `restore_refused`
-            # must find this row.
-            self.rows[name].error_kind = "value"
-            self.refused.emit(error)
+            self._refuse(name, error)
         else:
             # If the former value is chosen again after a refused one, the document does not change
             # and `refresh` does not run.
             self.rows[name].mark_error(None)
             self._last_edited = name
             self.accepted.emit(burst)
+
+    def _refuse(self, name: str, error: InputError) -> None:
+        """Mark the row of a refused value, and report the error."""
+        error.section = error.section or self.section
+        self.mark_error(error)
+        # The error may name a part of the value, for which there is no row; `restore_refused`
+        # must find this row.
+        self.rows[name].error_kind = "value"
+        self.refused.emit(error)
 
     def _clear_refusal(self) -> None:
         row = self.sender()
