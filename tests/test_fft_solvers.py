@@ -153,3 +153,16 @@ def test_what_a_grid_cannot_hold_is_refused(
         assert end.value.code == 2
         assert text in capsys.readouterr().err
     assert [each.name for each in tmp_path.iterdir()] == ["own.vti"]
+
+
+def test_a_cell_in_a_mould_is_a_lower_box(tmp_path: Path) -> None:
+    words = [*WORDS, "unit_cell.thickness=0.45mm", "unit_cell.packing=0.5"]
+    write(tmp_path / "cell.json", *words[2:])
+    model = unit_cell_model(open_scene("plain_weave", words))
+    found, lengths = read_fans(tmp_path / "cell.json")
+    assert lengths[2] == pytest.approx(4.5e-4, rel=1e-12)
+    exact = phases_without_mixing(model)
+    spacing = np.array(lengths) / found.shape[2::-1]
+    ours = homogenise(exact, model.spacing)[0].stiffness
+    theirs = homogenise(phases_of(model, found), spacing)[0].stiffness
+    np.testing.assert_allclose(theirs, ours, rtol=0, atol=2e-3 * ours.max())

@@ -18,7 +18,7 @@ from spacemap_vtk.datasets.voxel_image import fill_image
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import AnyFloats, Floats
 from spacemap_vtk.parameters import Choice, Integer, Real, Vector
 from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
 from spacemap_vtk.unit_cell.mixtures import YARN_RULES, Constituent
@@ -100,10 +100,20 @@ class UnitCell(Stage):
         minimum=0.0,
         usual_units="mm",
     )
+    thickness = Real(
+        None,
+        "Thickness of the composite between the halves of a mould. Where the textile is pressed, "
+        "sheared or narrowed, matrix leaves the yarns, and their fibres lie closer.",
+        unit="m",
+        above=0.0,
+        usual_units="mm",
+        automatic="height of the layers; yarns and matrix keep their volume in shear and stretch",
+    )
     shear = Real(
         0.0,
         "Angle by which the textile is sheared: weft stays along x, and warp leans towards it. "
-        "Yarns keep their length and their volume, so that the cell becomes higher.",
+        "Yarns keep their length; without thickness they keep their volume, and the cell becomes "
+        "higher.",
         unit="deg",
         minimum=-75.0,
         maximum=75.0,
@@ -141,7 +151,7 @@ class UnitCell(Stage):
         cell = make_unit_cell(self, inputs[0], self.voxels)
         if cell[0].overlap > _OVERLAP:
             self.warn(_describe_overlap(cell[0].overlap))
-        fill_image(output, *cell, self.packing)
+        fill_image(output, *cell, self.packing, self.gradient(*cell))
 
     @property
     def fibre_material(self) -> Constituent:
@@ -202,7 +212,8 @@ class UnitCell(Stage):
         spacing : ndarray, shape (3,)
             Size of a voxel [m].
         gradient : ndarray, shape (3, 3), optional
-            Deformation gradient of the cell; by default that of the parameter `shear`.
+            Gradient of the deformation from the box of the voxels to the cell; by default that of
+            the parameters.
 
         Returns
         -------
@@ -214,13 +225,36 @@ class UnitCell(Stage):
             spacing,
             self._yarn_material,
             self.matrix_material,
-            gradient=self._gradient if gradient is None else gradient,
+            gradient=self.gradient(voxels, spacing) if gradient is None else gradient,
         )
 
-    @property
-    def _gradient(self) -> Floats | None:
-        """Deformation gradient of the sheared cell; None if it is not sheared."""
-        return shear_gradient(np.radians(self.shear)) if self.shear else None
+    def gradient(
+        self, voxels: Voxels, spacing: Floats, shear: float | None = None
+    ) -> Floats | None:
+        """Compute the gradient of the deformation from the box of the voxels to the cell.
+
+        Parameters
+        ----------
+        voxels : Voxels
+            Voxels of the textile.
+        spacing : ndarray, shape (3,)
+            Size of a voxel [m].
+        shear : float, optional
+            Shear angle [degrees]; by default that of the parameters.
+
+        Returns
+        -------
+        ndarray, shape (3, 3), or None
+            None if the cell is the box.
+        """
+        shear = self.shear if shear is None else shear
+        factor = None
+        if self.thickness is not None:
+            factor = self.thickness / (len(voxels.fraction) * float(spacing[2]))
+        if not shear and factor is None:
+            return voxels.base
+        made = shear_gradient(np.radians(shear), factor)
+        return made if voxels.base is None else made @ voxels.base
 
     def model(self, title: str, patches: vtkUnstructuredGrid) -> UnitCellModel:
         """Make voxels and materials for a file.
@@ -245,25 +279,28 @@ class UnitCell(Stage):
             self._yarn_material,
             self.matrix_material,
             self.packing,
-            gradient=self._gradient,
+            gradient=self.gradient(voxels, spacing),
         )
 
 
-def shear_gradient(angle: float) -> Floats:
+def shear_gradient(angle: float, height: float | None = None) -> Floats:
     """Compute the deformation gradient of a cell that is sheared.
 
     Parameters
     ----------
     angle : float
         Angle by which the warp leans towards the weft [rad].
+    height : float, optional
+        Stretch of the cell's height; by default the volume is kept.
 
     Returns
     -------
     ndarray, shape (3, 3)
-        Gradient with unchanged lengths of yarns and unchanged volume.
+        Gradient with unchanged lengths of weft and warp.
     """
     sine, cosine = np.sin(angle), np.cos(angle)
-    return np.array([[1.0, sine, 0.0], [0.0, cosine, 0.0], [0.0, 0.0, 1 / cosine]])
+    up = 1 / cosine if height is None else height
+    return np.array([[1.0, sine, 0.0], [0.0, cosine, 0.0], [0.0, 0.0, up]])
 
 
 def make_unit_cell(
@@ -291,21 +328,24 @@ def make_unit_cell(
             "the piece is too small to contain a repeat of the textile with its neighbours",
             cure="Make a larger piece, for example --set weave.ends=12 --set weave.picks=12.",
         )
-    repeat = array_of(field, REPEAT, "a textile").reshape(2, 3).astype(np.float64)
+    repeat = array_of(field, REPEAT, "a textile").reshape(2, 3)[:, :2].astype(np.float64)
     corner = array_of(field, CORNER, "a textile").ravel().astype(np.float64)
-    along, across = repeat
-    if abs(along[1]) + abs(across[0]) > 1e-9 * (along[0] + across[1]):
-        raise InputError(
-            "the repeat of the textile is not rectangular",
-            cure="Choose a textile whose repeat has sides along x and y.",
-        )
+    if np.linalg.det(repeat) < 0:
+        repeat = repeat[::-1]
+    sides: Floats = np.linalg.norm(repeat, axis=1).astype(np.float64)
+    base = np.eye(3)
+    base[:2, :2] = (repeat / sides[:, None]).T
+    is_skew = abs(base - np.eye(3)).max() > 1e-9
+    base = base if is_skew else np.eye(3)
+    to_box = np.linalg.inv(base)
     if count is None:
-        count = _choose_count(_count_yarns(patches, corner, np.array([along[0], across[1]])))
-    surfaces = _surfaces_of(patches, corner[:2], corner[:2] + np.array([along[0], across[1]]))
+        count = _choose_count(_count_yarns(patches, corner, sides, to_box))
+    ends = corner[:2] + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) @ repeat
+    surfaces = _surfaces_of(patches, ends.min(axis=0), ends.max(axis=0))
     inside = surfaces.points[..., 2]
     low, high = float(inside.min()), float(inside.max())
     height = high - low if stage.height is None else stage.height
-    size = np.array([along[0], across[1], height])
+    size = np.array([*sides, height])
     shape = _shape(size, count)
     pitch = height - stage.nesting
     if pitch <= 0:
@@ -323,12 +363,14 @@ def make_unit_cell(
     )
     origin = np.array([*corner[:2], (low + high - height) / 2])
     layer = rasterise(
-        (surfaces.points - origin) / spacing,
-        surfaces.tangents,
-        surfaces.area,
+        (surfaces.points - origin) @ to_box.T / spacing,
+        surfaces.tangents @ to_box.T,
+        surfaces.area / np.linalg.det(base),
         surfaces.yarn,
         (int(shape[0]), int(shape[1]), int(shape[2])),
     )
+    if is_skew:
+        layer = replace(layer, base=base)
     if stage.layers == 1:
         return layer, spacing
     levels = [round(number * pitch / spacing[2]) for number in range(stage.layers)]
@@ -358,11 +400,13 @@ def _surfaces_of(patches: vtkUnstructuredGrid, low: Floats, high: Floats) -> Yar
     )
 
 
-def _count_yarns(patches: vtkUnstructuredGrid, corner: Floats, size: Floats) -> int:
+def _count_yarns(
+    patches: vtkUnstructuredGrid, corner: Floats, sides: Floats, to_box: AnyFloats
+) -> int:
     """Count the yarns side by side in a repeat: half of all that lie in it."""
     first = cells_of(patches, VTK_BEZIER_QUADRILATERAL, "patches")[:, 0]
-    place = points_of(patches)[first, :2] - corner[:2]
-    inside = ((place > 0) & (place < size[:2])).all(axis=1)
+    place = (points_of(patches)[first, :2] - corner[:2]) @ to_box[:2, :2].T
+    inside = ((place > 0) & (place < sides)).all(axis=1)
     yarn = array_of(patches.GetCellData(), "yarn", "patches")
     return len(np.unique(yarn[inside])) // 2
 

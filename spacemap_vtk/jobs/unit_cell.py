@@ -105,7 +105,12 @@ class CompositeMapJob(Job):
         context.progress(_STEPS, _STEPS)
         angles = ", ".join(f"{angle:.0f}°" for angle in found.angles)
         areas = ", ".join(f"{area:.1%}" for area in found.areas)
-        return f"{len(found.shear)} cells, from cells sheared by {angles} with areas of {areas}"
+        low, high = found.fibre_share.min(), found.fibre_share.max()
+        fibres = f"{low:.1%}" if high - low < 5e-4 else f"{low:.1%} to {high:.1%}"
+        return (
+            f"{len(found.shear)} cells, from cells sheared by {angles} with areas of {areas}; "
+            f"fibres are {fibres} of the volume"
+        )
 
 
 @register()

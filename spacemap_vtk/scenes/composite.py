@@ -21,7 +21,8 @@ from spacemap_vtk.unit_cell.homogenise import (
     von_mises,
 )
 from spacemap_vtk.unit_cell.mixtures import COMPONENTS
-from spacemap_vtk.unit_cell.phases import Phases, UnitCellModel, pure_voxels
+from spacemap_vtk.unit_cell.phases import Phases, UnitCellModel, pure_voxels, strain_map
+from spacemap_vtk.unit_cell.rasterise import Voxels
 from spacemap_vtk.unit_cell.voxel_elasticity import VoxelElasticity
 
 
@@ -78,11 +79,16 @@ def local_fields(
 ) -> dict[str, NDArray[Any]]:
     """Return stresses [Pa], strains and equivalent stresses of the voxels under unit strains."""
     elasticity = VoxelElasticity(phases.stiffness, spacing)
-    loads = np.eye(6)
+    turn = np.eye(6) if phases.gradient is None else strain_map(phases.gradient)
+    back = np.linalg.inv(turn)
+    loads = np.ascontiguousarray(back.T)
     response = elasticity.solve(loads, report_progress=progress)
     made: dict[str, NDArray[Any]] = {}
     for name, load, moved in zip(COMPONENTS, loads, response.displacements, strict=True):
         strain, stress = elasticity.fields(moved, load)
+        if phases.gradient is not None:
+            strain = np.einsum("ij,j...->i...", turn, strain)
+            stress = np.einsum("ji,j...->i...", back, stress)
         made[f"von_mises_{name}"] = von_mises(stress).ravel()
         made[f"stress_{name}"] = np.ascontiguousarray(stress.reshape(6, -1).T)
         made[f"strain_{name}"] = np.ascontiguousarray(strain.reshape(6, -1).T)
@@ -129,7 +135,9 @@ def compute_constants(
             if count != longest:
                 voxels, spacing = make_unit_cell(stage, patches, count)
             else:
-                size = spacing * voxels.fraction.shape[::-1]
+                changed = stage.gradient(voxels, spacing)
+                gradient = np.eye(3) if changed is None else changed
+                size = spacing * voxels.fraction.shape[::-1] * np.linalg.norm(gradient, axis=0)
             phases = stage.assign(voxels, spacing)
             made.append(homogenise(phases, spacing, report_progress=report)[0])
             done += 1
@@ -137,19 +145,25 @@ def compute_constants(
                 made.append(homogenise_plate(phases, spacing, report_progress=report))
                 done += 1
     share = float(fine.fraction.mean())
-    packing = np.where(fine.yarn >= 0, stage.packing / fine.area, 0.0)
+    fibres = fibre_share(fine, stage.packing) / float(np.linalg.det(gradient))
     depth, rows, width = fine.fraction.shape
     return Composite(
         size,
         (width, rows, depth),
         share,
-        float((fine.fraction * packing).mean()),
+        fibres,
         fine.overlap,
         made[0],
         made[parts // 2],
         made[1] if plate else None,
         made[3] if plate else None,
     )
+
+
+def fibre_share(voxels: Voxels, packing: float) -> float:
+    """Return the volume of fibres over that of the box of the voxels."""
+    local = np.where(voxels.yarn >= 0, packing / voxels.area, 0.0)
+    return float((voxels.fraction * local).mean())
 
 
 def constant_rows(composite: Composite) -> list[tuple[str, str, str, str]]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from vtkmodules.vtkCommonDataModel import vtkPolyData
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import (
     add_array,
@@ -19,14 +19,14 @@ from spacemap_vtk.datasets.arrays import (
 )
 from spacemap_vtk.embedding.plane_slopes import PlaneSlopes
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.filters.unit_cell import make_unit_cell, shear_gradient
+from spacemap_vtk.filters.unit_cell import UnitCell, make_unit_cell
 from spacemap_vtk.mechanics.elements.shell import find_mid_surface
 from spacemap_vtk.ndarrays import Floats, Ints, Progress
-from spacemap_vtk.scenes.composite import find_unit_cell
+from spacemap_vtk.scenes.composite import fibre_share, find_unit_cell
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.homogenise import homogenise
 from spacemap_vtk.unit_cell.mixtures import UPPER
-from spacemap_vtk.unit_cell.phases import stretch_factors, stretch_voxels
+from spacemap_vtk.unit_cell.phases import stretch_factors
 from spacemap_vtk.unit_cell.voxel_elasticity import symmetric
 
 #: Largest step of the shear angle in the table [degrees].
@@ -56,7 +56,9 @@ class CompositeMap:
     stiffness: Floats
     """(cells, 6, 6) [Pa]."""
     thickness: Floats
-    """Thickness of the composite, of yarns that keep their volume [m], (cells,)."""
+    """Thickness of the composite [m], (cells,)."""
+    fibre_share: Floats
+    """Volume of fibres over that of the composite, (cells,)."""
     angles: Floats
     """Shear angles of the table [degrees]."""
     areas: Floats
@@ -97,31 +99,7 @@ def map_constants(
             f"the cloth is sheared by {abs(shear).max():.0f}°, where yarns have no room",
             allowed=f"at most {_MOST:g}°",
         )
-    voxels, spacing = make_unit_cell(stage, patches, stage.voxels)
-    low, high = float(shear.min()), float(shear.max())
-    angles = np.linspace(low, high, max(2, 1 + int(np.ceil((high - low) / _STEP))))
-    if high - low < 1e-6:
-        angles = np.array([low, low + 1.0])
-    area = stretch.prod(axis=1)
-    areas = np.array([area.min(), area.max()])
-    if np.ptp(areas) < _AREA_RANGE:
-        areas = area.mean(keepdims=True)
-    table = np.empty((len(areas), len(angles), len(UPPER[0])))
-    for number, (row, column) in enumerate(np.ndindex(*table.shape[:2])):
-
-        def report(share: float, number: int = number) -> None:
-            if progress is not None:
-                progress((number + share) / (len(areas) * len(angles)))
-
-        cell = stretch_voxels(voxels, float(areas[row]))
-        size = spacing * stretch_factors(float(areas[row]))
-        phases = stage.assign(cell, size, shear_gradient(float(np.radians(angles[column]))))
-        found = homogenise(phases, size, report_progress=report)[0]
-        table[row, column] = found.stiffness[UPPER]
-    upper = CubicSpline(angles, table, axis=1)(shear)
-    share = (area - areas[0]) / (areas[-1] - areas[0]) if len(areas) > 1 else np.zeros_like(area)
-    stiffness = symmetric(upper[0] + share[:, None] * (upper[-1] - upper[0]))
-    height = spacing[2] * len(voxels.fraction)
+    found = tabulate_constants(stage, patches, shear, stretch.prod(axis=1), progress)
     return CompositeMap(
         surface.to_nodes(rest + moved)[:count],
         surface.quads,
@@ -129,11 +107,68 @@ def map_constants(
         across,
         stretch,
         shear,
-        stiffness,
-        height / (area * np.cos(np.radians(shear))),
-        angles,
-        areas,
+        found.stiffness,
+        found.thickness,
+        found.fibre_share,
+        found.angles,
+        found.areas,
     )
+
+
+class Tabulated(NamedTuple):
+    """Constants interpolated in a table of shear angles and stretches of area."""
+
+    stiffness: Floats
+    """(n, 6, 6) [Pa]."""
+    thickness: Floats
+    """(n,) [m]."""
+    fibre_share: Floats
+    """Volume of fibres over that of the composite, (n,)."""
+    angles: Floats
+    """Shear angles of the table [degrees]."""
+    areas: Floats
+    """Stretches of area of the table, one or two."""
+
+
+def tabulate_constants(
+    stage: UnitCell,
+    patches: vtkUnstructuredGrid,
+    shear: Floats,
+    area: Floats,
+    progress: Progress | None = None,
+) -> Tabulated:
+    """Interpolate constants for shear angles [degrees] and stretches of area, (n,) each."""
+    voxels, spacing = make_unit_cell(stage, patches, stage.voxels)
+    low, high = float(shear.min()), float(shear.max())
+    angles = np.linspace(low, high, max(2, 1 + int(np.ceil((high - low) / _STEP))))
+    if high - low < 1e-6:
+        angles = np.array([low, low + 1.0])
+    areas = np.array([area.min(), area.max()])
+    if np.ptp(areas) < _AREA_RANGE:
+        areas = area.mean(keepdims=True)
+    table = np.empty((len(areas), len(angles), len(UPPER[0])))
+    # A mould keeps the height; without one, the volume is kept.
+    height = None if stage.thickness is None else 1.0
+    for number, (row, column) in enumerate(np.ndindex(*table.shape[:2])):
+
+        def report(share: float, number: int = number) -> None:
+            if progress is not None:
+                progress((number + share) / (len(areas) * len(angles)))
+
+        gradient = np.diag(stretch_factors(float(areas[row]), height))
+        sheared = stage.gradient(voxels, spacing, float(angles[column]))
+        gradient = gradient if sheared is None else sheared @ gradient
+        phases = stage.assign(voxels, spacing, gradient)
+        found = homogenise(phases, spacing, report_progress=report)[0]
+        table[row, column] = found.stiffness[UPPER]
+    upper = CubicSpline(angles, table, axis=1)(shear)
+    share = (area - areas[0]) / (areas[-1] - areas[0]) if len(areas) > 1 else np.zeros_like(area)
+    stiffness = symmetric(upper[0] + share[:, None] * (upper[-1] - upper[0]))
+    grown = area * np.cos(np.radians(shear))
+    depth = spacing[2] * len(voxels.fraction)
+    thickness = depth / grown if stage.thickness is None else np.full_like(area, stage.thickness)
+    fibres = fibre_share(voxels, stage.packing) * depth / (thickness * grown)
+    return Tabulated(stiffness, thickness, fibres, angles, areas)
 
 
 def map_as_rows(found: CompositeMap) -> list[list[object]]:
@@ -141,10 +176,12 @@ def map_as_rows(found: CompositeMap) -> list[list[object]]:
     centres = found.corners[found.quads].mean(axis=1)
     names = [f"C{i + 1}{j + 1}_Pa" for i, j in zip(*UPPER, strict=True)]
     heading = ["x_m", "y_m", "z_m", "weft_x", "weft_y", "weft_z", "across_x", "across_y"]
-    heading += ["across_z", "stretch_weft", "stretch_warp", "shear_deg", "thickness_m", *names]
+    heading += ["across_z", "stretch_weft", "stretch_warp", "shear_deg", "thickness_m"]
+    heading += ["fibre_share", *names]
     columns = np.column_stack(
         [
             *(centres, found.weft, found.across, found.stretch, found.shear, found.thickness),
+            found.fibre_share,
             found.stiffness[:, UPPER[0], UPPER[1]],
         ]
     )
@@ -160,6 +197,7 @@ def map_as_surface(found: CompositeMap) -> Any:
     add_array(data, "shear", found.shear)
     add_array(data, "stretch", found.stretch)
     add_array(data, "thickness", found.thickness)
+    add_array(data, "fibre_share", found.fibre_share)
     add_array(data, "weft", found.weft)
     add_array(data, "across", found.across)
     add_array(data, "stiffness", found.stiffness[:, UPPER[0], UPPER[1]])

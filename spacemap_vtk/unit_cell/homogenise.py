@@ -145,7 +145,7 @@ def homogenise_plate(
     Raises
     ------
     InputError
-        If the cell is deformed.
+        If the deformation of the cell turns the plane.
     SolverError
         If a load does not converge.
 
@@ -155,27 +155,28 @@ def homogenise_plate(
     are periodic in the plane, and the faces are free (D. Caillerie, "Thin elastic and periodic
     plates", Math. Methods Appl. Sci. 6 (1984) 159).
     """
-    if phases.gradient is not None:
-        raise InputError(
-            "the stiffness as a plate is that of a cell that is not sheared",
-            cure="Leave out the shear angle or the plate.",
-        )
+    gradient = np.eye(3) if phases.gradient is None else phases.gradient
+    if abs(gradient[[0, 1, 2, 2], [2, 2, 0, 1]]).max() > 1e-12:
+        raise InputError("a plate must keep its plane")
+    # Voxels are loaded by FᵀεF.
+    to_box = np.linalg.inv(strain_map(gradient)).T
+    pitch = spacing[2] * gradient[2, 2]
     depth, rows, _, width = phases.stiffness.shape
     layers = scipy.fft.next_fast_len(depth + _EMPTY_LAYERS, real=True)
     stiffness = np.zeros((layers, rows, 21, width), phases.stiffness.dtype)
     stiffness[:depth] = phases.stiffness
-    height = (np.arange(layers) + 0.5 - depth / 2) * spacing[2]
+    height = (np.arange(layers) + 0.5 - depth / 2) * pitch
     height[depth:] = 0.0
     loads = np.zeros((6, layers, 6))
     for number, component in enumerate(_PLANE):
-        loads[number, :, component] = 1.0
-        loads[3 + number, :, component] = height
+        loads[number] = to_box[component]
+        loads[3 + number] = height[:, None] * to_box[component]
     # Lengths differ from strains by orders of magnitude; the loads are solved one by one.
     elasticity = VoxelElasticity(stiffness, spacing, points)
     response = elasticity.solve(loads, tolerance, report_progress)
-    total = response.energies * layers * spacing[2]
+    total = response.energies * layers * pitch
     # Within a layer of voxels the strain z κ varies by h κ, which one point does not see.
-    flexural = total[3:, 3:] + total[:3, :3] * spacing[2] ** 2 / 12
+    flexural = total[3:, 3:] + total[:3, :3] * pitch**2 / 12
     return PlateStiffness(total[:3, :3], total[:3, 3:], flexural)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -106,11 +106,10 @@ def assign_materials(
     normal: NDArray[Any] = _normals(share, spacing)[where[cut]]
     area = voxels.area.ravel()[where]
     if gradient is not None:
-        axes, stretch = _unit(axes @ gradient.T)
-        normal, _ = _unit(normal @ np.linalg.inv(gradient))
-        area = area * np.linalg.det(gradient) / stretch
+        axes = _unit(axes @ gradient.T)
+        normal = _unit(normal @ np.linalg.inv(gradient))
     axes, normal = axes.astype(dtype), normal.astype(dtype)
-    sections = round_areas(area)
+    sections = deformed_areas(area, voxels.base, gradient)
     turned: NDArray[Any] = np.empty((27, len(where)), dtype)
     for section in np.unique(sections):
         material, own = yarn(float(section)), sections == section
@@ -132,20 +131,26 @@ def assign_materials(
     )
 
 
-def round_areas(area: Floats) -> Floats:
-    """Round areas of sections, so that yarns have few materials.
+def deformed_areas(area: Floats, base: Floats | None, gradient: Floats | None) -> Floats:
+    """Compute areas of sections in the deformed cell, rounded so that yarns have few materials.
 
     Parameters
     ----------
     area : ndarray
-        Areas over their mean.
+        Areas in the box, over their mean.
+    base, gradient : ndarray, shape (3, 3), optional
+        Gradients of the maps from the box to the repeat, and to the deformed cell.
 
     Returns
     -------
     ndarray
-        Rounded areas.
+        Areas over the mean of the repeat. Fibres keep their volume: where the deformation squeezes
+        yarns, matrix leaves them.
     """
-    return np.rint(area / _AREA_STEP) * _AREA_STEP
+    skew = 1.0 if base is None else float(np.linalg.det(base))
+    whole = 1.0 if gradient is None else float(np.linalg.det(gradient))
+    rounded: Floats = np.rint(area * skew / _AREA_STEP) * _AREA_STEP
+    return rounded * (whole / skew)
 
 
 def pure_voxels(voxels: Voxels) -> dict[str, NDArray[np.bool_]]:
@@ -202,50 +207,41 @@ def list_materials(model: UnitCellModel) -> tuple[NDArray[np.int32], Floats, Flo
     centre = np.stack([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)], axis=1)
     axes *= np.sign(np.einsum("nc,nc->n", axes, centre[place.ravel()]))[:, None]
     mean: Floats = np.stack([np.bincount(place.ravel(), column) for column in axes.T], axis=1)
-    mean, _ = _unit(mean * np.where(mean[:, 2:] < 0, -1.0, 1.0))
+    mean = _unit(mean * np.where(mean[:, 2:] < 0, -1.0, 1.0))
     return numbers, found[:, 0] * _AREA_STEP, mean
 
 
-def stretch_factors(area: float) -> Floats:
+def stretch_factors(area: float, height: float | None = None) -> Floats:
     """Compute by what a cell grows along x, y and z.
 
     Parameters
     ----------
     area : float
-        Stretch of its area, which is equal in all directions; the volume is kept.
+        Stretch of its area, which is equal in all directions.
+    height : float, optional
+        Stretch of its height; by default the volume is kept.
 
     Returns
     -------
     ndarray, shape (3,)
         Factors.
     """
-    return np.array([area**0.5, area**0.5, 1 / area])
-
-
-def stretch_voxels(voxels: Voxels, area: float) -> Voxels:
-    """Turn the fibres of a cell as its stretch does.
-
-    Parameters
-    ----------
-    voxels : Voxels
-        Share, number and direction of yarns.
-    area : float
-        Stretch of its area.
-
-    Returns
-    -------
-    Voxels
-        Voxels whose size has the factors of `stretch_factors`. Yarns and fibres keep their volumes,
-        and so their shares.
-    """
-    turned = voxels.direction * stretch_factors(area)
-    length = np.linalg.norm(turned, axis=-1, keepdims=True)
-    turned = np.divide(turned, length, out=np.zeros_like(turned), where=length > 0)
-    return replace(voxels, direction=turned)
+    return np.array([area**0.5, area**0.5, 1 / area if height is None else height])
 
 
 def strain_map(gradient: Floats) -> Floats:
-    """Return the matrix T (6, 6) of ε = T (FᵀεF), with engineering shear strains."""
+    """Compute the matrix T of ε = T (FᵀεF).
+
+    Parameters
+    ----------
+    gradient : ndarray, shape (3, 3)
+        Deformation gradient F.
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+        T, for engineering shear strains in the order xx, yy, zz, yz, xz, xy.
+    """
     inverse = np.linalg.inv(gradient)
     pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
     made = np.empty((6, 6))
@@ -271,10 +267,10 @@ def _pull_back(values: NDArray[Any], gradient: Floats) -> NDArray[Any]:
     return made
 
 
-def _unit(vectors: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return unit vectors and lengths."""
-    length = np.linalg.norm(vectors, axis=1)
-    return vectors / length[:, None], length
+def _unit(vectors: NDArray[Any]) -> NDArray[Any]:
+    """Return unit vectors."""
+    made: NDArray[Any] = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return made
 
 
 def _normals(share: Floats, spacing: Floats) -> Floats:

@@ -37,6 +37,9 @@ class Voxels:
     """Area of that yarn's section over its mean area; 1 where there is none."""
     overlap: float
     """Volume of yarns that lies inside other yarns, over the volume of all yarns."""
+    base: Floats | None = None
+    """Gradient of the map from the box to the repeat, (3, 3), if the repeat is not rectangular.
+    Directions and areas are those in the box."""
 
 
 def rasterise(
@@ -300,4 +303,5 @@ def stack(layer: Voxels, heights: list[int], shifts: list[tuple[int, int]], dept
         direction[there][larger] = moved[2][larger]
         area[there][larger] = moved[3][larger]
     beyond = float(np.maximum(total - 1, 0).sum() / volume) if volume else 0.0
-    return Voxels(np.minimum(total, 1), yarn, direction, area, max(beyond, layer.overlap))
+    overlap = max(beyond, layer.overlap)
+    return Voxels(np.minimum(total, 1), yarn, direction, area, overlap, layer.base)

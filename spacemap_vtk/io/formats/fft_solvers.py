@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +62,7 @@ def write_damask(file: Path, model: UnitCellModel) -> None:
     from spacemap_vtk.datasets.arrays import add_array
     from spacemap_vtk.unit_cell.phases import list_materials
 
-    _require_right_angles(file, model)
+    model = _box_of(file, model)
     numbers, areas, axes = list_materials(model)
     image = vtkImageData()
     image.SetDimensions(*(count + 1 for count in reversed(numbers.shape)))
@@ -121,7 +122,7 @@ def write_fans(file: Path, model: UnitCellModel) -> None:
     from spacemap_vtk.unit_cell.phases import list_materials
     from spacemap_vtk.unit_cell.voxel_elasticity import symmetric
 
-    _require_right_angles(file, model)
+    model = _box_of(file, model)
     numbers, areas, axes = list_materials(model)
     if len(areas) >= _MOST_PHASES:
         raise InputError(
@@ -183,11 +184,23 @@ def find_record_in_json(file: Path) -> str | None:
     return found if isinstance(found, str) else None
 
 
-def _require_right_angles(file: Path, model: UnitCellModel) -> None:
-    if model.gradient is not None:
+def _box_of(file: Path, model: UnitCellModel) -> UnitCellModel:
+    """Return a cell that is at most pressed in a mould, as voxels of its own height."""
+    import numpy as np
+
+    if model.gradient is None:
+        return model
+    factors = np.diagonal(model.gradient)
+    if abs(model.gradient - np.diag(factors)).max() > 1e-12:
         raise InputError(
-            f"{file}: a grid of this solver has right angles, and the cell is sheared",
+            f"{file}: a grid of this solver has right angles, which the cell has not",
             key="unit_cell.shear",
-            allowed="0",
+            allowed="0, and a textile whose repeat has right angles",
             cure="Write a deck (.inp).",
         )
+    turned = model.voxels.direction * factors
+    length = np.linalg.norm(turned, axis=-1, keepdims=True)
+    turned = np.divide(turned, length, out=np.zeros_like(turned), where=length > 0)
+    area = model.voxels.area * factors.prod()
+    voxels = replace(model.voxels, direction=turned, area=area)
+    return replace(model, voxels=voxels, spacing=model.spacing * factors, gradient=None)

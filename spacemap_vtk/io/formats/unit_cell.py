@@ -75,7 +75,7 @@ def _image(model: UnitCellModel) -> Any:
     from spacemap_vtk.datasets.voxel_image import fill_image
 
     image = vtkImageData()
-    fill_image(image, model.voxels, model.spacing, model.packing)
+    fill_image(image, model.voxels, model.spacing, model.packing, model.gradient)
     for name, values in model.fields.items():
         add_array(image.GetCellData(), name, values)
     return image
@@ -91,7 +91,7 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
     import numpy as np
 
     from spacemap_vtk.unit_cell.mixtures import COMPONENTS
-    from spacemap_vtk.unit_cell.phases import round_areas
+    from spacemap_vtk.unit_cell.phases import deformed_areas
 
     depth, rows, width = model.voxels.fraction.shape
     nodes = np.arange((depth + 1) * (rows + 1) * (width + 1)).reshape(
@@ -122,10 +122,8 @@ def _deck(model: UnitCellModel) -> Iterator[str]:
     yield from (f"{n}, {', '.join(map(str, row))}" for n, row in enumerate(elements.tolist(), 1))
     yarn = (model.voxels.fraction >= 0.5).ravel()
     area = model.voxels.area.ravel()
-    if model.gradient is not None:
-        stretch = np.linalg.norm(model.voxels.direction.reshape(-1, 3) @ gradient.T, axis=1)
-        area = area * np.linalg.det(gradient) / np.where(yarn, stretch, 1.0)
-    sections = np.where(yarn, round_areas(area), 0.0)
+    sections = deformed_areas(area, model.voxels.base, model.gradient)
+    sections = np.where(yarn, sections, 0.0)
     for number, section in enumerate(np.unique(sections)):
         name = f"YARN{number}" if section else "MATRIX"
         chosen = np.flatnonzero(sections == section) + 1
