@@ -319,6 +319,7 @@ class MainWindow(QMainWindow):
         #: State of the view when the status line began to show a picked point; None if it does not.
         self._pick_key: object = None
         self.view.picked.connect(self._show_pick)
+        self.view.measured.connect(self._show_measured)
         self.plots.time_clicked.connect(self._go_to_time)
         self.view.picks_changed.connect(self.plots.show_points)
         self.plots.clear_button.clicked.connect(self.view.clear_picks)
@@ -577,6 +578,15 @@ class MainWindow(QMainWindow):
         frame = self.view.frame
         self._pick_key = None if frame is None else _frame_key(frame)
         self.status_text.show_text(pick.text)
+
+    def _show_measured(self, text: str) -> None:
+        """Show what the ruler measures in the status line, until the frame or the ruler changes."""
+        frame = self.view.frame
+        self._pick_key = _frame_key(frame) if frame is not None and text else None
+        if text:
+            self.status_text.show_text(text)
+        elif frame is not None:
+            self._show_status(frame)
 
     def _show_status(self, frame: Frame) -> None:
         """Show the number of facets and the first warning, shortened, in the status line."""

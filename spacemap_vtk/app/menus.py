@@ -115,6 +115,8 @@ class Menus(QObject):
         menu = self._add_menu("&View")
         menu.addActions([*tools.part_actions.values()])
         menu.addSeparator()
+        menu.addAction(tools.keys.ruler)
+        menu.addSeparator()
         for name, choices in (
             ("Lines and points", tools.keys.appearance_actions),
             ("Colour by", tools.coloring_actions),

@@ -16,6 +16,7 @@ from spacemap_vtk.app.view.canvas import Canvas
 from spacemap_vtk.app.view.obstacle_tool import ObstacleTool
 from spacemap_vtk.app.view.pick import Pick, read_point, read_sheet
 from spacemap_vtk.app.view.preview import Preview
+from spacemap_vtk.app.view.ruler import Ruler
 from spacemap_vtk.app.widgets import single_shot
 from spacemap_vtk.draw.actors.glyphs import PICKED, Cut, DotsActor, cut_of
 from spacemap_vtk.draw.actors.lighting import FINE_SAMPLES
@@ -68,6 +69,8 @@ class View3D(QWidget):
     picked = Signal(object)
     #: All picked points, a list of `Pick`. A click starts a new list, Shift+click adds to it.
     picks_changed = Signal(list)
+    #: What the ruler measures, in words; empty if it measures nothing.
+    measured = Signal(str)
     #: Normal and origin of the clip plane after the mouse has moved it.
     clipped = Signal(object, object)
     #: Whether a camera preset has switched to parallel projection.
@@ -98,6 +101,8 @@ class View3D(QWidget):
         self.marks = DotsActor()
         self.marks.GetProperty().SetColor(*rgb("#d9642c"))
         self.canvas.renderer.AddActor(self.marks)
+        self.ruler = Ruler()
+        self.canvas.renderer.AddViewProp(self.ruler.line)
         self.canvas.setAcceptDrops(False)
         self.canvas.installEventFilter(self)
         #: The last clip plane of this scene, or None.
@@ -535,9 +540,23 @@ class View3D(QWidget):
         self._set_picks([pick] if alone else [*self.picks, pick][-MOST_LABELS:])
 
     def clear_picks(self) -> None:
-        """Remove all picked points."""
+        """Remove all picked points, and those of the ruler."""
+        if self.ruler.picks:
+            self.ruler.clear()
+            self._update_marks()
+            self.render()
+            self.measured.emit(self.ruler.text if self.ruler.is_on else "")
         if self.picks:
             self._set_picks([])
+
+    def set_ruler(self, on: bool) -> None:
+        """Let clicks measure distances, or pick points again."""
+        self.ruler.is_on = on
+        self.canvas.setCursor(Qt.CursorShape.CrossCursor if on else Qt.CursorShape.ArrowCursor)
+        if on or not self.ruler.picks:
+            self.measured.emit(self.ruler.text if on else "")
+        else:
+            self.clear_picks()
 
     def _set_picks(self, picks: list[Pick]) -> None:
         self.picks = picks
@@ -549,9 +568,11 @@ class View3D(QWidget):
         """Draw the marks and labels of the picked points at their present positions."""
         frame, span = self.frame, self.scene_view.span
         labels = [] if frame is None else [p.label(frame, span and span[1]) for p in self.picks]
-        self.scene_view.annotations.labels = labels
-        self.marks.SetVisibility(bool(labels))
-        self.marks.set_points(np.array([at for at, _ in labels]).reshape(-1, 3))
+        self.ruler.follow(frame, self.canvas.devicePixelRatioF())
+        self.scene_view.annotations.labels = [*self.ruler.labels, *labels][:MOST_LABELS]
+        points = np.array([*self.ruler.points, *(at for at, _ in labels)]).reshape(-1, 3)
+        self.marks.SetVisibility(len(points) > 0)
+        self.marks.set_points(points)
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Pick the point of the fabric at a position in the widget."""
@@ -594,7 +615,12 @@ class View3D(QWidget):
             self.obstacles.chosen.emit(obstacle)
             return
         point = self.pick(at.x(), at.y())
-        if point is not None:
+        if point is not None and self.ruler.is_on:
+            self.ruler.add(point)
+            self._update_marks()
+            self.render()
+            self.measured.emit(self.ruler.text)
+        elif point is not None:
             self.add_pick(point, alone=not adding)
             self.picked.emit(point)
 

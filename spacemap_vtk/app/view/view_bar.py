@@ -249,6 +249,7 @@ class ViewBar(QToolBar):
             *self.camera_actions,
             *self.keys.camera_actions,
             *self.keys.appearance_actions,
+            self.keys.ruler,
             self.clip,
             *self.clip_sides,
             *self.styles.values(),

@@ -57,12 +57,17 @@ class ViewKeys(QObject):
             ),
             self._make_action("Clear picked points", "Esc", view.clear_picks),
         ]
+        tip = "Click two points to measure their distance, and a third one for an angle (M)"
+        #: Switches the ruler on.
+        self.ruler = action(self, "Ruler", view.set_ruler, "M", tip, checkable=True)
         # Enabled only with picked points, because Esc has other uses elsewhere.
-        view.picks_changed.connect(self._enable_clear)
-        self._enable_clear([])
+        for changed in (view.picks_changed, view.measured):
+            changed.connect(self._enable_clear)
+        self._enable_clear()
 
-    def _enable_clear(self, picks: list[object]) -> None:
-        self.appearance_actions[-1].setEnabled(bool(picks))
+    def _enable_clear(self, *_: object) -> None:
+        has_points = bool(self._view.picks or self._view.ruler.picks)
+        self.appearance_actions[-1].setEnabled(has_points)
 
     def _toggle_wireframe(self) -> None:
         self._view.options.wireframe = self.wireframe.isChecked()
