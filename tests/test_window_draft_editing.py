@@ -12,7 +12,7 @@ from window import require_display, scene_of, settled, wait_until
 require_display()
 
 from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
-from PySide6.QtGui import QContextMenuEvent  # noqa: E402
+from PySide6.QtGui import QColor, QContextMenuEvent  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QInputDialog  # noqa: E402
 
@@ -170,6 +170,23 @@ def test_back_floats_and_counts_are_shown(draft_of: Any, qtbot: Any, twill: Path
     assert draft.back_button.isChecked()
     QTest.keyClick(draft.counts_view.table, Qt.Key.Key_C, CONTROL)
     assert QApplication.clipboard().text() == rows[9]
+
+
+def test_narrow_tab_shows_all_colours_and_the_whole_hint(
+    draft_of: Any, qtbot: Any, twill: Path
+) -> None:
+    window = draft_of(twill, wait=False)
+    draft = window.draft
+    # With the colours added here, the palette needs a second row in the narrow tab.
+    row = draft.palette_row
+    for name in ("#102030", "#405060", "#708090"):
+        row.choose(QColor(name))
+    for width in (1500, 1000):
+        window.resize(width, 700)
+        qtbot.wait(50)
+        assert row.rect_of(len(row.colors)).bottom() < row.height()
+        assert draft.hint.sizeHint().height() <= draft.hint.height() + 2
+        assert draft.tools.width() >= draft.tools.minimumSizeHint().width()
 
 
 @pytest.mark.nightly

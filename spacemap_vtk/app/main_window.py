@@ -493,6 +493,7 @@ class MainWindow(QMainWindow):
             self.composite.stop()
         self.times.set_moves(moves)
         self.menus.time.setEnabled(moves)
+        self.draft.commands.menu.setEnabled(self.document.scene.woven is not None)
         self.tools.show_scene(self.document.scene)
         self.view.set_view(self.document.scene.view)
 

@@ -45,9 +45,7 @@ _SECTION = "weave"
 #: Largest fraction of the time that changes of the scene take during a stroke.
 _MAX_LOAD = 0.3
 _MAX_COUNT = 4096
-_HINT = (
-    "Drag: mark · Shift+drag: select · Ctrl: second mark · Right button: menu · Ctrl+wheel: zoom"
-)
+_HINT = "Drag: mark · Shift+drag: select · Ctrl: second mark · Right click: menu"
 
 
 class DraftTab(QWidget):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtCore import QPoint, QRect, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen, QResizeEvent
 from PySide6.QtWidgets import QColorDialog, QSizePolicy, QToolTip, QWidget
 
 from spacemap_vtk.app.widgets import painter_on
@@ -67,6 +67,12 @@ class Palette(QWidget):
     def sizeHint(self) -> QSize:
         """Return the size of the rows."""
         return QSize(240, self.heightForWidth(max(self.width(), 240)))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Let the layout know another number of rows: it keeps the former height otherwise."""
+        super().resizeEvent(event)
+        if event.oldSize().width() != event.size().width():
+            self.updateGeometry()
 
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the colours, with a ring around the selected one."""
