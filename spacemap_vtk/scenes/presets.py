@@ -10,6 +10,7 @@ rigidity over its weight per area: it decides how wide folds are.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -42,19 +43,23 @@ _SHEAR = "60 N/m"
 #: Young's modulus of steel [Pa], of which wire meshes are made.
 _STEEL = 200e9
 #: Side of the cloth over its bending length, unless its size is given.
-_SIDE = {"hang": 16.0, "drape": 16.0, "drop": 12.0, "swing": 12.0}
+_SIDE = {"hang": 14.0, "drape": 14.0, "drop": 9.0, "swing": 10.0}
 #: Width of a cell over the bending length.
 _CELL = 0.57
 #: Most cells; more take minutes.
 _MOST_CELLS = 1200
+#: Fewest cells along the longer side, unless these are narrower than the cloth is thick.
+_FEWEST_CELLS = 12
 #: The same for motions in time steps.
-_STEPPED_CELLS = 324
+_STEPPED_CELLS = 225
 #: Most Bézier patches of a knit or another textile, whose yarns are all drawn.
 _MOST_PATCHES = 250_000
 #: Distance of the rings of a curtain over the bending length, if it is flat.
 _RING = 3.0
 #: Share by which a curtain is drawn together.
-_CLOSER = 0.3
+_CLOSER = 0.25
+#: Force that pushes each pleat to its side, over the weight of the cloth.
+_PUSH = 0.01
 #: Stiffness of the springs that hold its rings, over the weight of a unit width [1/m].
 _PULL = 14.0
 #: Pressure of the draught that moves it, over its weight per area.
@@ -116,23 +121,16 @@ class _Sheet(NamedTuple):
         return (self.high - self.low)[:2]
 
     @property
-    def middle(self) -> float:
-        """Mean of the least and the largest z [m]."""
-        return float(self.low[2] + self.high[2]) / 2
-
-    @property
     def thickness(self) -> float:
         """Thickness [m]."""
         return float(self.high[2] - self.low[2])
 
     def cells(self, most: int = _MOST_CELLS, narrowest: float = _CELL) -> list[int]:
         """Return numbers of cells along x, y and z."""
-        width = max(
-            narrowest * self.bending_length,
-            1.05 * self.thickness,
-            math.sqrt(float(self.sides.prod()) / most),
-        )
-        return [max(3, round(float(side) / width)) for side in self.sides] + [1]
+        width = min(narrowest * self.bending_length, float(self.sides.max()) / _FEWEST_CELLS)
+        finest = math.sqrt(float(self.sides.prod()) / most)
+        width = max(width, 1.05 * self.thickness, finest)
+        return [max(2, round(float(side) / width)) for side in self.sides] + [1]
 
 
 def apply(
@@ -155,7 +153,8 @@ def apply(
         Name of the yarn of warp and weft, such as ``"8/2 cotton"``. By default that of the scene;
         otherwise yarns of cotton as thick as the scene's.
     size : float or two floats, optional
-        Sides of the cloth along x and y [m]. By default sixteen bending lengths, in whole repeats.
+        Sides of the cloth along x and y [m]. By default about fourteen bending lengths, in
+        whole repeats.
 
     Returns
     -------
@@ -384,7 +383,7 @@ def _prepare_textile(
     woven = data.GetFieldData().GetArray("areal_mass")
     if woven is None:  # of a strip, whose yarns repeat themselves along one axis only
         named = {figure.key: figure.value for figure in source.figures}
-        mass = float(named["mass_per_length"] or 0.0) / float(sides[0])
+        mass = float(named["linear_mass"] or 0.0) / float(sides[0])
         values["modal"]["areal_mass"] = _rounded(mass, "kg/m2")
     else:
         mass = float(woven.GetValue(0))
@@ -445,35 +444,42 @@ def _length(value: float) -> str:
 def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
     """Hang cloth from rings that slide along a rail and are drawn together; strips from a line."""
     # Each ring is drawn towards the middle by a spring and a force, which together move it by a
-    # share of its distance; half of both acts on each side of the cloth.
-    width, height = sheet.sides
+    # share of its distance. Forces are divided between both faces, because at one of them they
+    # would turn it; only one face is held along z, so that pleats turn about the rings.
+    width, height = map(float, sheet.sides)
     modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 40}
     cells = sheet.cells()
-    rings = 2 * max(0, round(0.5 * width / (_RING * sheet.bending_length)))
-    if rings < 2:
+    pleats = 2 * round(0.5 * width / (_RING * sheet.bending_length))
+    if pleats < 2:
         modal["fixed"] = "+y"
     else:
-        across = rings * max(2, round(cells[0] / rings))
-        cells = [across, max(3, round(across * height / width * 0.6)), 1]
-        spring = _PULL * sheet.weight * height
-        top, reach = float(sheet.high[1]), max(0.6 * sheet.thickness, 0.2 * width / across)
-        places = np.linspace(sheet.low[0], sheet.high[0], rings + 1)
-        middle = float(places.mean())
-        sphere = {
-            x: f"sphere({', '.join([*map(str, _lengths(x, top, sheet.middle)), _length(reach)])})"
-            for x in map(float, places)
-        }
-        centre = float(places[rings // 2])
-        modal["fixed"] = [sphere[x] + (":yz" if x != centre else "") for x in sphere]
-        others = [x for x in sphere if x != centre]
-        modal["springs"] = [f"{sphere[x]}:x {_rounded(spring, 'N/m')}" for x in others]
+        across = pleats * max(4, round(cells[0] / pleats))
+        cells = [across, max(3, round(across * height / width * 0.8)), 1]
+        spring, push = (
+            share * sheet.weight * height * length
+            for share, length in ((_PULL, 1.0), (_PUSH, width))
+        )
+        top, faces = float(sheet.high[1]), (float(sheet.low[2]), float(sheet.high[2]))
+        places = np.linspace(sheet.low[0], sheet.high[0], pleats + 1).tolist()
+        between = [0.5 * sum(pair) for pair in itertools.pairwise(places)]
+        others = [x for x in places if x != places[pleats // 2]]
+
+        def ring(x: float, z: float, radius: float) -> str:
+            return f"sphere({', '.join(map(str, _lengths(x, top, z, radius)))})"
+
+        both = {x: ring(x, 0.5 * sum(faces), 0.6 * sheet.thickness) for x in places}
+        one = {x: ring(x, faces[0], 0.5 * sheet.thickness) for x in places}
+        modal["fixed"] = [f"{both[x]}:y" for x in places]
+        modal["fixed"] += [f"{one[x]}:{'z' if x in others else 'xz'}" for x in places]
+        modal["springs"] = [f"{both[x]}:x {_rounded(spring, 'N/m')}" for x in others]
+        drawn = spring * _CLOSER
+        loads = [(x, (drawn * (places[pleats // 2] - x), 0.0, 0.0)) for x in others]
+        # Pleats go to the front and to the back in turn.
+        loads += [(x, (0.0, 0.0, (-1) ** n * push)) for n, x in enumerate(between)]
         modal["dead_loads"] = [
-            {
-                "force": [float(f"{0.5 * spring * _CLOSER * (middle - x):.4g}"), 0.0, 0.0],
-                "at": _lengths(x, top, z),
-            }
-            for x in others
-            for z in (sheet.low[2], sheet.high[2])
+            {"force": [float(f"{0.5 * f:.4g}") for f in force], "at": _lengths(x, top, z)}
+            for x, force in loads
+            for z in faces
         ]
     values["modal"] = modal
     values["cage"] = {"divisions": cells}
