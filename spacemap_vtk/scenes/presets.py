@@ -55,7 +55,7 @@ _STEPPED_CELLS = 225
 #: Most Bézier patches of a knit or another textile, whose yarns are all drawn.
 _MOST_PATCHES = 250_000
 #: Distance of the rings of a curtain over the bending length, if it is flat.
-_RING = 3.0
+_RING = 2.4
 #: Share by which a curtain is drawn together.
 _CLOSER = 0.25
 #: Force that pushes each pleat to its side, over the weight of the cloth.
@@ -602,18 +602,22 @@ def _drop(values: dict[str, Any], sheet: _Sheet) -> None:
 def _swing(values: dict[str, Any], sheet: _Sheet) -> None:
     """Hold cloth level by two edges, and let go of one, in time steps."""
     period = 2.0 * math.pi * math.sqrt(2.0 * float(sheet.sides[1]) / (3.0 * GRAVITY))
-    values["modal"] |= {"fixed": "+y", "modes": 6}
+    # One face of the edges is held: a hinge.
+    held = f"inf, {_length(float(sheet.low[2] + sheet.high[2]) / 2)}, inf)"
+    near = 0.01 * float(sheet.sides[1])
+    top, bottom = float(sheet.high[1]) - near, float(sheet.low[1]) + near
+    values["modal"] |= {"fixed": f"box(-inf, inf, {_length(top)}, {held}", "modes": 6}
     values["cage"] = {"divisions": sheet.cells(_STEPPED_CELLS)}
     span = _tidy(2.0 * period)
     values["transient"] = {
-        "held": "-y",
+        "held": f"box(-inf, inf, -inf, {_length(bottom)}, {held[5:]}",
         "gravity": [0.0, 0.0, "-1 g"],
         "alpha": 1.5,
         "beta": "3 ms",
         "tolerance": 0.02,
         "duration": f"{span} s",
     }
-    values["view"] |= {"time": f"{_tidy(0.28 * period)} s"}
+    values["view"] |= {"time": f"{_tidy(0.2 * period)} s"}
     values["animation"] = {"stop": f"{span} s", "speed": 0.5}
 
 
