@@ -16,6 +16,10 @@ _LARGE_ROTATION = math.radians(20.0)
 #: Largest rotation [rad] up to which shapes rebuilt of a linear motion are accurate.
 TRUSTED_ROTATION = math.radians(35.0)
 
+#: Rotation [rad] from which on a linear motion shows nothing real, and is not drawn: a line that
+#: turns by a right angle would become infinitely long.
+REFUSED_ROTATION = math.radians(90.0)
+
 
 class Limit(NamedTuple):
     """The range in which a model of a stage is valid."""

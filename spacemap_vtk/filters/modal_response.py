@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from typing import ClassVar
@@ -10,11 +11,11 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk import cache
-from spacemap_vtk.applicability import LIMITS
+from spacemap_vtk.applicability import LIMITS, REFUSED_ROTATION
 from spacemap_vtk.datasets.arrays import add_array
 from spacemap_vtk.datasets.modal_model import ModesReader
 from spacemap_vtk.datasets.processes import Processes
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.load_parameters import (
     MOTION_ARRAYS,
@@ -142,6 +143,13 @@ class ModalResponse(LoadParameters, Stage):
         model = modes.model
         if not self.rotation_removed:
             angle = largest_rotation(gradients)
+            if angle > REFUSED_ROTATION:
+                raise SolverError(
+                    f"the cage would turn by {math.degrees(angle):.3g}° at {time:.3g} s, and a "
+                    f"linear motion shows nothing real beyond {math.degrees(REFUSED_ROTATION):g}°",
+                    cure="Hang the cloth in one step (--hang; in the window: Cloth > Hang), lower "
+                    "the loads, add a section [rotation], or replace [response] by [transient]",
+                )
             words = {"cure": LIMITS["swing"].cure} if angle > LIMITS["swing"].most else {}
             self.check_limit("rotation", angle, **words)
             at = model.points + displacement

@@ -43,7 +43,7 @@ _SHEAR = "60 N/m"
 #: Young's modulus of steel [Pa], of which wire meshes are made.
 _STEEL = 200e9
 #: Side of the cloth over its bending length, unless its size is given.
-_SIDE = {"hang": 14.0, "drape": 14.0, "drop": 9.0, "swing": 10.0}
+_SIDE = {"hang": 14.0, "drape": 14.0, "drop": 11.0, "swing": 10.0}
 #: Width of a cell over the bending length.
 _CELL = 0.57
 #: Most cells; more take minutes.
@@ -51,7 +51,7 @@ _MOST_CELLS = 1200
 #: Fewest cells along the longer side, unless these are narrower than the cloth is thick.
 _FEWEST_CELLS = 12
 #: The same for motions in time steps.
-_STEPPED_CELLS = 225
+_STEPPED_CELLS = 256
 #: Most Bézier patches of a knit or another textile, whose yarns are all drawn.
 _MOST_PATCHES = 250_000
 #: Distance of the rings of a curtain over the bending length, if it is flat.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
-from spacemap_vtk.applicability import LIMITS
+from spacemap_vtk.applicability import LIMITS, REFUSED_ROTATION
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.datasets.modal_model import ModesReader, contact_of, sheet_of
 from spacemap_vtk.datasets.reactions import reactions_of
@@ -257,6 +257,10 @@ def report_law(scene: Scene, sheet: bool) -> dict[str, Any]:
     return found
 
 
+#: What is said of a motion that is too large to be drawn.
+_NOT_SHOWN = "which a linear motion cannot show: hang the cloth in one step (Cloth > Hang)"
+
+
 def report_motion(scene: Scene) -> dict[str, Any] | None:
     """Return how far a scene's linear motion turns and stretches its cage; None if it has none."""
     mover = scene.stage("mover")
@@ -294,6 +298,8 @@ def describe_motion(figures: dict[str, Any]) -> str:
     """Return the figures of `report_motion` as a sentence, with cures if they are out of range."""
     angle = math.radians(figures["largest_rotation_deg"])
     text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
+    if not figures["rebuilt"] and angle > REFUSED_ROTATION:
+        return f"would turn by {figures['largest_rotation_deg']:.3g}°, {_NOT_SHOWN}"
     if not figures["rebuilt"]:
         text += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
         text += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
@@ -312,6 +318,8 @@ def describe_motion(figures: dict[str, Any]) -> str:
 def summarise_motion(figures: dict[str, Any]) -> str:
     """Return the most important part of `describe_motion`, without the cures."""
     text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
+    if not figures["rebuilt"] and math.radians(figures["largest_rotation_deg"]) > REFUSED_ROTATION:
+        return f"would turn by {figures['largest_rotation_deg']:.3g}°, {_NOT_SHOWN}"
     if not figures["rebuilt"]:
         return f"{text}, lengths change by {100 * figures['largest_stretch']:.3g} %"
     if math.isfinite(figures["period_factor"]):
