@@ -30,3 +30,18 @@ def test_fibres_have_yarn_colours_and_gaps_are_dark() -> None:
     for ours, others in ((red, blue), (blue, red)):
         assert 0.25 < (ours > 1.2 * others)[~clear].mean() < 0.75
     assert np.percentile(image[~clear].mean(axis=1), 10) < 0.6 * image[~clear].mean(axis=1).max()
+
+
+def test_a_lens_blurs_what_is_out_of_focus() -> None:
+    weave = {"ends": 3, "picks": 3, "warp_color": "#000000", "weft_color": "#000000"}
+    view = {"camera": "front", "background": "#ffffff", "background_top": "#ffffff"}
+    images = []
+    for lens in ({}, {"aperture": 0.3}, {"aperture": 0.3, "focus": [0.0, 0.0, 3e-3]}):
+        scene = Scene({"weave": weave, "view": {**view, **lens}})
+        images.append(raytrace.raytrace(scene, 0.0, (64, 48), 16, lambda *_: None).astype(float))
+    # Yarns are about as near as the plane of focus, or 3 mm farther away.
+    sharp, near, far = (
+        np.abs(np.diff(image[..., 1], axis=1)).max(axis=1).mean() for image in images
+    )
+    assert near == pytest.approx(sharp, rel=0.25)
+    assert far < 0.5 * sharp

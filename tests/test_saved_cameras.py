@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.io.provenance import read_record
 from spacemap_vtk.jobs import FilmJob
 from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.saved_cameras import SavedCamera
@@ -95,3 +98,39 @@ def test_a_film_of_still_cloth_orbits_it(tmp_path: Path) -> None:
     # With odd numbers, the reverse of a plain weave has the two colours exchanged.
     both = (np.ptp(frames[0], axis=2) > 40) & (np.ptp(frames[2], axis=2) > 40)
     assert np.abs(frames[0] - frames[2])[both].mean() > 20
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    return int(ended.value.code or 0)
+
+
+def test_the_command_line_takes_cameras_lights_and_insets_and_records_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene, picture = tmp_path / "cloth.toml", tmp_path / "cloth.png"
+    table = "\n".join(f"{key} = {value!r}" for key, value in HEM.items())
+    scene.write_text(f"[weave]\nends = 4\npicks = 4\n[[view.cameras]]\n{table}\n")
+    words = ["--camera", "hem", "--light", "raking", "--inset", "0.5,0.5,4", "--size", "96x72"]
+    assert run("render", str(scene), "-o", str(picture), *words) == 0
+    assert run("again", str(picture), "--check") == 0
+    record = read_record(picture)
+    assert record is not None
+    view = tomllib.loads(record.scene)["view"]
+    assert (view["camera"], view["light"]) == ("hem", "raking")
+    assert (view["insets"][0]["magnification"], view["cameras"][0]["name"]) == (4.0, "hem")
+    capsys.readouterr()
+    assert run("render", str(scene), "-o", str(picture), "--camera", "hems") == 2
+    assert '--camera = "hems": there is no such camera' in capsys.readouterr().err
+    assert run("render", str(scene), "-o", str(picture), "--inset", "middle") == 2
+    assert "0.4,0.6,8" in capsys.readouterr().err
+
+
+def test_a_frame_of_an_orbit_is_made_again(tmp_path: Path) -> None:
+    scene, frames = tmp_path / "cloth.toml", tmp_path / "%d.png"
+    scene.write_text("[weave]\nends = 4\npicks = 4\n")
+    words = ["--orbit", "180deg", "--size", "64x48", "--workers", "1", "-q"]
+    words += ["--set", "animation.stop=3", "--set", "animation.frames_per_second=1"]
+    assert run("animate", str(scene), "-o", str(frames), *words) == 0
+    assert run("again", str(tmp_path / "2.png"), "--check", "-q") == 0

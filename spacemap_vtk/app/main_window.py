@@ -32,7 +32,6 @@ from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.help.command_palette import Entry
 from spacemap_vtk.app.help.help_menu import HelpMenu
 from spacemap_vtk.app.help.palette_entries import scene_entries, stage_entries, tab_entries
-from spacemap_vtk.app.help.walks import Parts, make_walks
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.composite_tab import CompositeTab
 from spacemap_vtk.app.panels.error_bar import ErrorBar
@@ -154,20 +153,7 @@ class MainWindow(QMainWindow):
             self.panels.values(),
         )
         self.draft.commands.add_to(self.menuBar(), self.menus.time.menuAction())
-        parts = Parts(
-            self.document,
-            self.tabs,
-            self.gallery,
-            self.draft,
-            self.modes,
-            self.plots,
-            self.figures,
-            self.plan,
-            self.view,
-            self.tools,
-            self.times,
-        )
-        self.help = HelpMenu(self, self.tools, self._palette_entries, make_walks(parts))
+        self.help = HelpMenu(self, self.tools, self._palette_entries)
         self._connect()
         self.setAcceptDrops(True)
         self._restore_state()
@@ -356,6 +342,7 @@ class MainWindow(QMainWindow):
         self.tools.background_chosen.connect(self._set_background)
         self.tools.hang_toggled.connect(self._set_hanging)
         self.tools.drop_asked.connect(self._drop)
+        self.tools.saved_cameras.changed.connect(self._change_cameras)
         self.tools.clip_changed.connect(self._set_clip_plane)
         self.tools.keys.thickness_changed.connect(self._change_thickness)
         # Queued, because the mouse still holds the plane when the signal is emitted.
@@ -371,6 +358,7 @@ class MainWindow(QMainWindow):
         self.gallery.chosen.connect(self.files.switch_to)
         # As a temporary message: the next frame would replace the text about the view.
         self.exports.written.connect(lambda file: self._show_message(f"Saved: {file}"))
+        self.exports.copied.connect(self._show_message)
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
 
@@ -414,6 +402,9 @@ class MainWindow(QMainWindow):
     def _set_background(self, bottom: str | None, top: str | None) -> None:
         written = {"background": bottom, "background_top": top}
         self._try_change(self.document.set_many, "view", written)
+
+    def _change_cameras(self, written: dict[str, Any], name: str) -> None:
+        self._try_change(partial(self.document.set_many, name=name), "view", written)
 
     def _set_view(self, name: str, value: object) -> None:
         if name in ("fabric", "cage"):

@@ -77,6 +77,8 @@ class Menus(QObject):
         self._add_action(menu, "Save screenshot…", "Ctrl+P", lambda: files.save_picture(view))
         self._add_action(menu, "Export picture…", "Ctrl+Shift+E", exports.picture)
         self._add_action(menu, "Export film…", "Ctrl+Shift+F", exports.film)
+        self._add_action(menu, "Export figure page…", None, exports.figure)
+        self._add_action(menu, "Run a sweep…", None, exports.sweep)
         self._add_action(menu, "Export data…", "Ctrl+E", exports.data)
         irregular = self._add_action(menu, "Irregular yarns in data", None, lambda: None)
         irregular.setCheckable(True)
@@ -104,6 +106,9 @@ class Menus(QObject):
         menu.addAction(tools.drop)
         menu.setToolTipsVisible(True)
         menu.addSeparator()
+        self._add_action(menu, "Copy picture", "Ctrl+Shift+C", self._copy_picture)
+        fine = self._add_action(menu, "Copy exported picture", None, exports.copy_picture)
+        fine.setToolTip("Draw the picture as for a file, with the size of the last export")
         self._add_action(menu, "Copy as command line", None, lambda: self._copy(as_command))
         self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
         self.time = menu = self._add_menu("&Time")
@@ -123,11 +128,14 @@ class Menus(QObject):
             ("Camera", tools.camera_actions),
             ("Clip plane", [tools.clip, *tools.clip_sides]),
             ("Style", [*tools.styles.values()]),
+            ("Light", [*tools.lights.values()]),
             ("Background", [*tools.backgrounds.values()]),
         ):
             inside = menu.addMenu(name)
             inside.addActions(choices)
             if name == "Camera":
+                inside.insertMenu(tools.orthographic, tools.saved_cameras.saved)
+                inside.addMenu(tools.saved_cameras.deleted)
                 inside.addMenu("Zoom").addActions(tools.keys.camera_actions)
         menu.addSeparator()
         inside = menu.addMenu("Window")
@@ -178,6 +186,10 @@ class Menus(QObject):
 
     def _open_named(self) -> None:
         self._files.switch_to(self.sender().data())
+
+    def _copy_picture(self) -> None:
+        """Copy the picture of the view as it is shown."""
+        QGuiApplication.clipboard().setImage(self._view.canvas.grabFramebuffer())
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
         """Copy the scene as text; refused if a file of it exists only temporarily."""

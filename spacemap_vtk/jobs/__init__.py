@@ -15,6 +15,7 @@ from spacemap_vtk.jobs.plan import PlanJob
 from spacemap_vtk.jobs.plot import BiaxialJob, PlotJob, ReactionsJob
 from spacemap_vtk.jobs.print_draft import PrintJob
 from spacemap_vtk.jobs.sheets import ShapesJob, StoryboardJob
+from spacemap_vtk.jobs.sweep_job import SweepJob
 from spacemap_vtk.jobs.unit_cell import CompositeMapJob, ConstantsJob, UnitCellJob
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "ReactionsJob",
     "ShapesJob",
     "StoryboardJob",
+    "SweepJob",
     "Times",
     "UnitCellJob",
     "job_from_json",

@@ -269,13 +269,18 @@ def facets_at_scale(cloth: DrawnCloth, scale: float, size: tuple[int, int]) -> L
     level = LevelOfDetail(
         sides=sides,
         plies=plies,
-        fibres=cloth.width * scale > _FIBRES,
+        fibres=shows_fibres(cloth, scale),
         pixels=cloth.spacing * scale,
         shows_yarns=cloth.spacing * scale >= cloth.least_pixels,
     )
     if sides < MOST_SIDES or not cloth.follows_camera:
         return level
     return replace(level, sides=LEAST_SIDES, near_quads=quads_in_view(size))
+
+
+def shows_fibres(cloth: DrawnCloth, scale: float) -> bool:
+    """Return whether a picture shows fibres, where a metre has at most `scale` pixels."""
+    return cloth.width * scale > _FIBRES
 
 
 def sides_in_file(cloth: DrawnCloth, usual: int) -> int:

@@ -21,6 +21,7 @@ from spacemap_vtk.app.fields.obstacles_editor import ObstaclesEditor
 from spacemap_vtk.app.fields.parameter_info import automatic_values, feasible_intervals, idle_reason
 from spacemap_vtk.app.fields.parameter_row import ParameterRow, RowGroup, RowPair, make_editor
 from spacemap_vtk.app.fields.places_editor import PLACES, PlacesEditor
+from spacemap_vtk.app.fields.view_editors import CameraEditor, CamerasEditor, InsetsEditor
 from spacemap_vtk.app.widgets import column, note, single_shot
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
@@ -30,7 +31,10 @@ from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.textile import Woven
 from spacemap_vtk.parameters import Parameter, Parameterised
 from spacemap_vtk.scenes.flat_picture import picture_size
+from spacemap_vtk.scenes.insets import Insets
 from spacemap_vtk.scenes.pipeline import section_classes
+from spacemap_vtk.scenes.saved_cameras import CameraName, SavedCameras
+from spacemap_vtk.scenes.settings import View
 
 #: Shortest time between two computations of feasible intervals, in s. During a drag, one
 #: computation costs as much as a few frames.
@@ -223,6 +227,8 @@ class Properties(QScrollArea):
 
     def _show_value(self, row: ParameterRow) -> None:
         name = row.parameter.name
+        if isinstance(row.editor, CameraEditor) and isinstance(self._part, View):
+            row.editor.offer(camera.name for camera in self._part.cameras)
         row.show_value(getattr(self._part, name), name not in self._scene_values)
 
     def _make_row(
@@ -242,6 +248,12 @@ class Properties(QScrollArea):
             editor = PlacesEditor(parameter)
             editor.set_bounds(self._bounds[0])
             self._places.append(editor)
+        elif isinstance(parameter, Insets):
+            editor = InsetsEditor(parameter)
+        elif isinstance(parameter, SavedCameras):
+            editor = CamerasEditor(parameter)
+        elif isinstance(parameter, CameraName):
+            editor = CameraEditor(parameter)
         else:
             editor = make_editor(parameter)
         if isinstance(editor, FileEditor):

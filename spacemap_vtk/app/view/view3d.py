@@ -220,7 +220,7 @@ class View3D(QWidget):
             if view is None:
                 return
             if view.turntable and style.GetState() == _TURNING and event[0] != "E":
-                keep_upright(view.canvas.camera, view._up_axis, view._last_viewpoint)
+                keep_upright(view.canvas.camera, view.up_axis, view._last_viewpoint)
                 view._last_viewpoint = view.viewpoint
             if event != "InteractionEvent":
                 view._last_viewpoint = None
@@ -230,7 +230,7 @@ class View3D(QWidget):
             style.AddObserver(name, on_event)
 
     @property
-    def _up_axis(self) -> int:
+    def up_axis(self) -> int:
         """Index of the up axis in the scene."""
         frame, view = self.frame, self._view
         return 1 if frame is None or view is None else camera_up_axis(aim_of(view) or frame.camera)
@@ -321,8 +321,11 @@ class View3D(QWidget):
                 view.for_window(self._dark)
             )  # for the background, as there may never be a frame
         elif view.settings != self._scene_settings.settings:
+            is_aimed = view.camera != self._scene_settings.camera
             self._set_view_settings(view)
             self.refresh()
+            if is_aimed and self.frame is not None:
+                self.reset_camera(aim_of(view) or self.frame.camera)
 
     def set_dark(self, dark: bool) -> None:
         """Set a dark or light background, used if neither the scene nor its style has one."""
@@ -443,7 +446,7 @@ class View3D(QWidget):
             (1.0 - self.scene_view.scale_width) * width / height,
             name,
             1.0,
-            self._up_axis,
+            self.up_axis,
         )
         if flat or (was_flat and name is not None):
             camera.SetParallelProjection(flat)
@@ -633,7 +636,7 @@ class View3D(QWidget):
         if np.dot(direction, self.canvas.camera.GetDirectionOfProjection()) < -0.999:
             direction = -direction  # the camera already looks from this side
         return next(
-            s for s in SIDES if np.array_equal(camera_directions(s, self._up_axis)[0], direction)
+            s for s in SIDES if np.array_equal(camera_directions(s, self.up_axis)[0], direction)
         )
 
     def image(self) -> NDArray[np.uint8]:

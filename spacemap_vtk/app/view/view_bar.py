@@ -7,13 +7,14 @@ from PySide6.QtCore import QSettings, QSize, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QIcon, QResizeEvent
 from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QSizePolicy, QToolBar, QToolButton, QWidget
 
+from spacemap_vtk.app.view.camera_menu import SavedCameraMenu
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_keys import ViewKeys
 from spacemap_vtk.app.widgets import action, narrow, row
 from spacemap_vtk.scenes.colorings import COLORINGS, GROUPS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
-from spacemap_vtk.scenes.styles import STYLES
+from spacemap_vtk.scenes.styles import LIGHTS, STYLES
 
 #: Parts that can be shown: name, label, key, and role of the stage that has an eye for it in the
 #: list of stages.
@@ -137,6 +138,9 @@ class ViewBar(QToolBar):
             aim = action(self, name.capitalize(), self._aim_camera, key, tip, name)
             cameras.addAction(aim)
             self.cameras[name] = aim
+        self.saved_cameras = SavedCameraMenu(view, self)
+        cameras.addSeparator()
+        self.add_saved_cameras(cameras)
         self.keys = ViewKeys(view, self)
         cameras.addSeparator()
         cameras.addActions(self.keys.camera_actions)
@@ -165,7 +169,28 @@ class ViewBar(QToolBar):
             )
             for name, style in STYLES.items()
         }
-        self._add_menu("Style", "Style of the picture").addActions([*self.styles.values()])
+        group = QActionGroup(self)
+        #: The light of the style, and the lights in place of it.
+        self.lights = {
+            name: action(
+                group,
+                label,
+                self._choose_setting,
+                tip=tip,
+                data=("light", name),
+                checkable=True,
+            )
+            for name, label, tip in (
+                (None, "Of the style", "The light of the style"),
+                *((name, each.label, each.help.capitalize()) for name, each in LIGHTS.items()),
+            )
+        }
+        looks = self._add_menu("Style", "Style of the picture, and its light")
+        looks.addActions([*self.styles.values()])
+        looks.addSeparator()
+        light = looks.addMenu("Light")
+        light.addActions([*self.lights.values()])
+        light.setToolTipsVisible(True)
         self.backgrounds = {
             name: action(self, name, self._choose_background, data=colors)
             for name, colors in BACKGROUNDS.items()
@@ -212,6 +237,8 @@ class ViewBar(QToolBar):
         self.coloring.blockSignals(False)
         self.colorings[scene.view.color].setChecked(True)
         self.styles[scene.view.style].setChecked(True)
+        self.lights[scene.view.light].setChecked(True)
+        self.saved_cameras.show_scene(scene)
         show = scene.view.show
         parts = {"fabric": show != "cage" or not scene.moves, "cage": show != "fabric"}
         for name, shown in self.part_actions.items():
@@ -253,13 +280,20 @@ class ViewBar(QToolBar):
             self.clip,
             *self.clip_sides,
             *self.styles.values(),
+            *self.lights.values(),
             *self.backgrounds.values(),
         ]
 
     @property
     def camera_actions(self) -> list[QAction]:
         """Actions of the camera."""
-        return [*self.cameras.values(), self.orthographic, self.turntable]
+        return [*self.cameras.values(), self.orthographic, self.turntable, self.saved_cameras.save]
+
+    def add_saved_cameras(self, menu: QMenu) -> None:
+        """Add the saved cameras to a menu."""
+        menu.addAction(self.saved_cameras.save)
+        menu.addMenu(self.saved_cameras.saved)
+        menu.addMenu(self.saved_cameras.deleted)
 
     def _toggle_part(self, on: bool) -> None:
         name = self.sender().data()

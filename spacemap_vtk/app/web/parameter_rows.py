@@ -37,7 +37,7 @@ _EDITORS = {
 #: Parameters that have other controls in the page or only concern output files.
 _EXCLUDED = (
     *("view.color", "view.size", "view.time", "view.zoom", "view.shadows"),
-    "animation.frames_per_second",
+    *("view.aperture", "view.focus", "animation.frames_per_second", "animation.orbit"),
 )
 #: Number of a section's rows that are shown at first, besides those written in the scene file.
 _SHOWN_AT_FIRST = 3

@@ -22,9 +22,10 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.file_dialogs import confirm_overwrite
 from spacemap_vtk.app.widgets import CountBox, mark_bad, note, row
+from spacemap_vtk.app.work.composition_rows import CompositionRows
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import endings_with_alpha
-from spacemap_vtk.scenes.settings import Animation
+from spacemap_vtk.scenes.settings import Animation, View
 from spacemap_vtk.units import format_quantity, parse_quantity
 
 #: Sizes in pixels, by name. The list starts with the sizes of the window and of the scene.
@@ -51,10 +52,26 @@ class PictureOptions:
     #: Width and height in pixels, by name.
     sizes: dict[str, tuple[int, int]]
     transparent: bool
-    #: Message for the user.
-    note: str
+    #: Settings of the view, and a point that the user has picked, or None.
+    view: View
+    picked: tuple[float, float, float] | None
+    #: Whether the scene moves; if not, a film needs an orbit.
+    moves: bool
+    #: Returns a message for the user about a picture of a size.
+    describe: Callable[[tuple[int, int]], str]
     #: Raises an error if file, size and number of frames cannot be written.
     check: Callable[[Path, tuple[int, int], int], None]
+
+
+def _written_size() -> tuple[int, int] | None:
+    """Return the size of the last export, if it was not one with a name."""
+    width, _, height = str(QSettings().value(_SIZE_KEY, "")).partition(" x ")
+    return (int(width), int(height)) if width.isdigit() and height.isdigit() else None
+
+
+def stored_size() -> tuple[int, int] | None:
+    """Return the size of the last export; None if it was that of the window or of the scene."""
+    return _written_size() or SIZES.get(str(QSettings().value(_SIZE_KEY, "")))
 
 
 class ExportDialog(QDialog):
@@ -137,11 +154,9 @@ class ExportDialog(QDialog):
         self.preset = QComboBox()
         self.preset.textActivated.connect(self._choose_size)
         self.preset.addItems([*options.sizes, _OTHER])
-        stored = str(QSettings().value(_SIZE_KEY, "Scene"))
-        width, _, height = stored.partition(" x ")
-        stored_size = (int(width), int(height)) if width.isdigit() and height.isdigit() else None
-        self._show_size(stored_size or options.sizes.get(stored, options.sizes["Scene"]))
-        self.preset.setCurrentText(_OTHER if stored_size else stored)
+        stored, size = str(QSettings().value(_SIZE_KEY, "Scene")), _written_size()
+        self._show_size(size or options.sizes.get(stored, options.sizes["Scene"]))
+        self.preset.setCurrentText(_OTHER if size else stored)
         self.camera = QComboBox()
         self.camera.addItems(list(_CAMERAS))
         self.camera.currentIndexChanged.connect(self._update_summary)
@@ -151,6 +166,8 @@ class ExportDialog(QDialog):
         form.addRow("Size", row(None, self.preset, *sizes, None))
         form.addRow("View", self.camera)
         form.addRow("Background", self.transparent)
+        #: Depth of field and close-up.
+        self.composition = CompositionRows(form, options.view, options.picked)
         for box in (self.width_box, self.height_box):
             box.valueChanged.connect(self._update_summary)
             box.range_error_changed.connect(self._update_summary)
@@ -160,6 +177,7 @@ class ExportDialog(QDialog):
             "start": "Start time",
             "stop": "End time",
             "frames_per_second": "Frames per second",
+            **({} if self._picture is None else {"orbit": "Camera goes round by"}),
         }
         for name, label in labels.items():
             parameter = animation.parameter(name)
@@ -203,13 +221,24 @@ class ExportDialog(QDialog):
                     if box.range_error:
                         raise InputError(box.range_error, key=key)
                 self._picture.check(self.file, self.picture_size, len(self.times) or 1)
-                parts = (text, self._picture.note, _CAMERAS[self.camera.currentText()])
+                self._require_motion(self._picture)
+                about = self._picture.describe(self.picture_size)
+                parts = (text, about, _CAMERAS[self.camera.currentText()])
                 text = " ".join(filter(None, parts))
         except SpacemapError as error:
             text, bad = str(error), True
         mark_bad(self.summary, bad)
         self.save_button.setEnabled(not bad)
         self.summary.setText(text)
+
+    def _require_motion(self, options: PictureOptions) -> None:
+        """Refuse a film of which all frames are the same."""
+        if self.animation is not None and not (options.moves or self.animation.orbit):
+            raise InputError(
+                "nothing in this scene moves, so all frames would be the same",
+                key="orbit",
+                cure="Let the camera go round it, for example by 360 deg.",
+            )
 
     def _update_picture_rows(self, options: PictureOptions) -> None:
         if self.sender() in (self.width_box, self.height_box):

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QObject, QSettings, Signal
+from PySide6.QtCore import QObject, QSettings, QTemporaryDir, Signal
+from PySide6.QtGui import QGuiApplication, QImage
 from PySide6.QtWidgets import (
     QFileDialog,
     QLabel,
@@ -15,6 +16,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QWidget,
 )
+from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.documents.file_dialogs import add_ending, choose, last_folder
@@ -22,8 +24,18 @@ from spacemap_vtk.app.draft.print_dialog import PrintDialog
 from spacemap_vtk.app.panels.time_bar import TimeBar
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.widgets import row
-from spacemap_vtk.app.work.export_dialog import SIZES, ExportDialog, PictureOptions
+from spacemap_vtk.app.work.export_dialog import SIZES, ExportDialog, PictureOptions, stored_size
 from spacemap_vtk.app.work.job_process import JobProcess
+from spacemap_vtk.draw.actors.surface_actor import color_bar_share
+from spacemap_vtk.draw.camera import (
+    CameraView,
+    Viewpoint,
+    aim_camera,
+    aim_of,
+    camera_up_axis,
+    pixels_per_metre,
+)
+from spacemap_vtk.draw.scene_view import extent_of
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.io.registry import (
     DATA,
@@ -33,16 +45,20 @@ from spacemap_vtk.io.registry import (
     writer_endings,
 )
 from spacemap_vtk.jobs import make_data_job, make_job
+from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.flat_picture import picture_size
 from spacemap_vtk.scenes.irregular_data import YARN_DATA
-from spacemap_vtk.scenes.level_of_detail import choose_level
+from spacemap_vtk.scenes.level_of_detail import DrawnCloth, choose_level, shows_fibres
 from spacemap_vtk.scenes.memory_estimates import PictureRequest
+from spacemap_vtk.scenes.settings import Animation
 
 #: Most letters of a file name in the status line.
 _MAX_NAME = 16
 #: Parameters of a scene's view that the window can override: it has a dark mode, and its own
 #: switches for axes and scale bar.
 _WINDOW_KEYS = ("background", "background_top", "triad", "scale_bar")
+#: Values of a film of a still scene: the camera goes round it once.
+_TURN = {"orbit": 360.0, "start": 0.0, "stop": 8.0, "speed": 1.0}
 #: Settings key for the folder of the last export.
 _FOLDER_KEY = "export/folder"
 
@@ -53,6 +69,8 @@ class Exports(QObject):
     #: Name of the written file, and a sentence about it.
     written = Signal(str)
     failed = Signal(object)
+    #: A sentence about a picture that is now in the clipboard.
+    copied = Signal(str)
     #: Sentences about data that the written file could not store.
     lost = Signal(str)
 
@@ -68,6 +86,8 @@ class Exports(QObject):
         row(self.progress, self._label, self.bar, self.cancel_button, spacing=6)
         self.progress.hide()
         self._process: JobProcess | None = None
+        #: Folder of a picture that goes to the clipboard; None for a file.
+        self._copied: QTemporaryDir | None = None
         self._irregular = False
         #: Sentences about data that the file cannot store.
         self._losses: list[str] = []
@@ -222,7 +242,7 @@ class Exports(QObject):
         except SpacemapError as error:
             self.failed.emit(error)
             return
-        self._process, self._losses = process, []
+        self._process, self._losses, self._copied = process, [], None
         process.progress.connect(self._show_progress)
         process.lost.connect(self._losses.append)
         process.ended.connect(self._end)
@@ -287,16 +307,30 @@ class Exports(QObject):
         sizes = {"Window": view_size, "Scene": picture_size(scene), **SIZES}
         proposal, transparent = self._propose_path(ending), scene.view.transparent
         notes = []
-        if kind == "film" and not scene.moves:
-            notes.append("This scene does not move: all frames are the same.")
         if view.frame is not None and view.frame.mode is not None:
             notes.append(
                 "The file shows the scene's motion, not the mode or stretch in the window."
             )
+
+        def describe(size: tuple[int, int]) -> str:
+            return " ".join(filter(None, [*notes, self._describe_fibres(size)]))
+
+        picked = view.picks[-1].position if view.picks else None
         options = PictureOptions(
-            kind, proposal, filters, sizes, transparent, " ".join(notes), check
+            kind,
+            proposal,
+            filters,
+            sizes,
+            transparent,
+            scene.view,
+            picked,
+            scene.moves,
+            describe,
+            check,
         )
         animation = scene.animation if kind == "film" else None
+        if animation is not None and not (scene.moves or animation.orbit):
+            animation = Animation(**{**animation.settings, **_TURN})
         dialog = ExportDialog(self._window, f"Export {kind}", animation, options)
         if not dialog.exec():
             return
@@ -314,13 +348,118 @@ class Exports(QObject):
             fields["panels"] = view.panels(scene)
             fields["place"] = view.viewpoint_for(size)
             fields["wireframe"] = view.options.wireframe
+        more["view"] |= dialog.composition.values(self._camera_view(size, fields.get("place")))
         self.start(kind, dialog.file, more, **fields)
+
+    def _camera_view(self, size: tuple[int, int], place: Viewpoint | None) -> CameraView:
+        """Return the view of a picture from a viewpoint, or from the scene's camera."""
+        shown = self._view.camera_view
+        offset = color_bar_share(size) if shown is not None and shown.offset else 0.0
+        if place is not None:
+            return CameraView(place, offset, size)
+        camera, scene, frame = vtkCamera(), self._document.scene, self._view.frame
+        if frame is not None:
+            aspect = (1.0 - offset) * size[0] / size[1]
+            aim = aim_of(scene.view) or frame.camera
+            points = extent_of(frame, scene.view.loads)
+            aim_camera(camera, points, aspect, aim, scene.view.zoom, camera_up_axis(aim))
+        return CameraView(Viewpoint.from_camera(camera), offset, size)
+
+    def _describe_fibres(self, size: tuple[int, int]) -> str:
+        """Return a sentence if a file of a size shows fibres and the window does not."""
+        scene, frame, shown = self._document.scene, self._view.frame, self._view.camera_view
+        cloth = DrawnCloth.from_scene(scene)
+        if cloth is None or frame is None or shown is None:
+            return ""
+        if COLORINGS[scene.view.color].shows_numbers or not scene.view.resolved_style.sheen:
+            return ""
+        points = extent_of(frame, loads=False)
+        place = self._view.viewpoint_for(size)
+        here = pixels_per_metre(shown.camera, points, shown.size[1])
+        there = pixels_per_metre(CameraView(place, 0.0, size).camera, points, size[1])
+        if shows_fibres(cloth, here) or not shows_fibres(cloth, there):
+            return ""
+        return (
+            f"The file will show fibres, which are too fine for the window: its yarns are up to "
+            f"{cloth.width * there:.0f} pixels wide."
+        )
+
+    def copy_picture(self) -> None:
+        """Draw the picture of the view as for a file, and copy it."""
+        if not self._require_idle():
+            return
+        view, scene = self._view, self._document.scene
+        ratio = view.devicePixelRatioF()
+        size = stored_size() or (round(view.width() * ratio), round(view.height() * ratio))
+        folder = QTemporaryDir()
+        shown = view.settings
+        self.start(
+            "picture",
+            Path(folder.filePath("copy.png")),
+            {"view": {key: shown[key] for key in _WINDOW_KEYS}},
+            size=size,
+            time=self._times.time,
+            panels=view.panels(scene),
+            place=view.viewpoint_for(size),
+            wireframe=view.options.wireframe,
+        )
+        self._copied = folder if self._process is not None else None
+
+    def figure(self) -> None:
+        """Ask for the parts of a page, and write it."""
+        if not self._require_idle():
+            return
+        # Imported only here, because it loads what draws pages.
+        from spacemap_vtk.app.work.figure_dialog import FigureDialog
+
+        dialog = FigureDialog(self._window, self._document.scene)
+        if not dialog.exec():
+            return
+        page, scene = dialog.page, self._document.scene
+        name, _ = QFileDialog.getSaveFileName(
+            self._window,
+            "Export figure page",
+            str(self._propose_path(".pdf")),
+            name_filter("Pages", writer_endings("plot")),
+        )
+        path = add_ending(self._window, Path(name), ".pdf") if name else None
+        if path is None:
+            return
+        QSettings().setValue(_FOLDER_KEY, str(path.parent))
+        shows_motion = not page.panels and scene.moves and scene.view.color == "own"
+        more = {"view": {"color": "displacement"}} if shows_motion else {}
+        self.start("figure", path, more, page=page)
+
+    def sweep(self) -> None:
+        """Ask for keys with lists of values, and run the scene for all of them."""
+        if not self._require_idle():
+            return
+        proposal = self._propose_path("")
+        proposal = proposal.with_name(f"{proposal.name}_sweep")
+        number = 2
+        while proposal.exists():
+            proposal = proposal.with_name(f"{proposal.name.rstrip('0123456789_')}_{number}")
+            number += 1
+        from spacemap_vtk.app.work.sweep_dialog import SweepDialog
+
+        dialog = SweepDialog(self._window, self._document.scene, proposal)
+        if not dialog.exec():
+            return
+        QSettings().setValue(_FOLDER_KEY, str(dialog.folder.parent))
+        paired = dialog.paired.isChecked()
+        self.start("sweep", dialog.folder, lists=dialog.assignments, paired=paired)
 
     def _show_progress(self, done: int, of: int) -> None:
         self.bar.setRange(0, of)
         self.bar.setValue(done)
 
     def _succeed(self, text: str) -> None:
+        if self._copied is not None:
+            image = QImage(self._copied.filePath("copy.png"))
+            QGuiApplication.clipboard().setImage(image)
+            text = f"the picture is in the clipboard, {image.width()} × {image.height()} pixels"
+            self.copied.emit(text.capitalize())
+            return
         self.written.emit(text)
         if self._losses:
             self.lost.emit(". ".join(self._losses))

@@ -1,0 +1,130 @@
+"""Dialog for a sweep: the keys that vary, their values, and the folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QComboBox,
+    QCompleter,
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QFormLayout,
+    QLineEdit,
+    QPushButton,
+    QWidget,
+)
+
+from spacemap_vtk.app.widgets import mark_bad, note, row
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.jobs import SweepJob
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import scene_values
+from spacemap_vtk.scenes.sweep import make_sweep
+
+#: Number of keys that can vary.
+_ROWS = 3
+#: Kinds of parameters that are not varied in lists.
+_LONG_KINDS = ("loads", "obstacles", "grips", "cameras", "insets", "file")
+
+
+class SweepDialog(QDialog):
+    """Ask for up to three keys with lists of values, and for a folder."""
+
+    def __init__(self, parent: QWidget | None, scene: Scene, proposal: Path) -> None:
+        super().__init__(parent, windowTitle="Run a sweep")
+        self._scene = scene
+        form = QFormLayout(self)
+        form.setContentsMargins(16, 16, 16, 12)
+        #: Editors of each key and of its values.
+        self.keys: list[QComboBox] = []
+        self.lists: list[QLineEdit] = []
+        names = _keys_of(scene)
+        for number in range(_ROWS):
+            key, values = QComboBox(editable=True), QLineEdit()
+            key.addItems(["", *names])
+            completer = QCompleter(names, key)
+            completer.setFilterMode(Qt.MatchFlag.MatchContains)
+            key.setCompleter(completer)
+            key.lineEdit().setPlaceholderText("for example weave.warp_spacing")
+            values.setPlaceholderText("0.4 mm, 0.5 mm or linspace(0.4 mm, 0.6 mm, 5)")
+            key.currentTextChanged.connect(self._update_summary)
+            values.textChanged.connect(self._update_summary)
+            key.setMinimumWidth(230)
+            values.setMinimumWidth(290)
+            form.addRow("Vary" if number == 0 else "and", row(None, (key, 1), (values, 1)))
+            self.keys.append(key)
+            self.lists.append(values)
+        self.paired = QCheckBox("Pair the lists: first values together, then second ones")
+        self.paired.toggled.connect(self._update_summary)
+        self.folder_line = QLineEdit(str(proposal))
+        self.folder_line.textChanged.connect(self._update_summary)
+        browse = QPushButton("Browse…")
+        browse.clicked.connect(self._browse)
+        form.addRow("", self.paired)
+        form.addRow("New folder", row(None, (self.folder_line, 1), browse))
+        self.summary = note("", "note")
+        self.summary.setMinimumSize(520, 3 * self.summary.fontMetrics().lineSpacing())
+        button = QDialogButtonBox.StandardButton
+        buttons = QDialogButtonBox(button.Ok | button.Cancel)
+        buttons.accepted.connect(self.accept)
+        buttons.rejected.connect(self.reject)
+        self.run_button = buttons.button(button.Ok)
+        self.run_button.setText("Run")
+        form.addRow(self.summary)
+        form.addRow(buttons)
+        self._update_summary()
+
+    @property
+    def assignments(self) -> list[str]:
+        """The keys with their lists, ``section.key=value,value``."""
+        pairs = zip(self.keys, self.lists, strict=True)
+        rows = [(key.currentText().strip(), values.text().strip()) for key, values in pairs]
+        return [f"{key}={values}" for key, values in rows if key and values]
+
+    @property
+    def folder(self) -> Path:
+        """The folder to write."""
+        return Path(self.folder_line.text())
+
+    def _browse(self) -> None:
+        name = QFileDialog.getExistingDirectory(self, "Where to create the folder")
+        if name:
+            self.folder_line.setText(str(Path(name) / self.folder.name))
+
+    def _update_summary(self) -> None:
+        """Count the runs, or explain why they are not possible."""
+        scene, bad = self._scene, False
+        try:
+            lists = self.assignments
+            file = (scene.file or Path("scene")).absolute()
+            sweep = make_sweep(
+                scene, scene_values(scene), lists, file=file, paired=self.paired.isChecked()
+            )
+            SweepJob(self.folder, lists)
+            text = (
+                f"{len(sweep.runs)} runs: for each a picture, a scene and its figures; together a "
+                "table and a contact sheet."
+                if lists
+                else "Choose a key of the scene, and type several values for it."
+            )
+            is_ready = bool(lists)
+        except SpacemapError as error:
+            text, bad, is_ready = str(error), True, False
+        mark_bad(self.summary, bad)
+        self.run_button.setEnabled(is_ready)
+        self.summary.setText(text)
+
+
+def _keys_of(scene: Scene) -> list[str]:
+    """Return the keys of a scene's connected stages and of its view."""
+    parts = [*(stage.section for stage in scene.stages), scene.view.section]
+    return [
+        f"{section}.{name}"
+        for section in parts
+        for name, parameter in scene.parts[section].parameters.items()
+        if parameter.kind not in _LONG_KINDS
+    ]
