@@ -199,6 +199,7 @@ def test_dialogs_fill_with_draws_and_repeat(draft_of: Any, qtbot: Any, twill: Pa
         dialog = QApplication.activeModalWidget()
         assert isinstance(dialog, DrawDialog)
         dialog.kind.setCurrentText("Broken")
+        assert dialog.extra[0].text() == "as many as shafts"
         assert "1 2 3 4 2 1 4 3" in dialog.summary.text()
         dialog.extra[0].setValue(2)
         assert "1 2 4 3 1 2 4 3" in dialog.summary.text()

@@ -21,7 +21,8 @@ from window import (
 require_display()
 
 from PySide6.QtCore import QPoint, Qt  # noqa: E402
-from PySide6.QtWidgets import QFileDialog  # noqa: E402
+from PySide6.QtGui import QContextMenuEvent  # noqa: E402
+from PySide6.QtWidgets import QApplication, QFileDialog  # noqa: E402
 
 from spacemap_vtk.app.draft.draft_layout import GridCell  # noqa: E402
 from spacemap_vtk.io.drafts.wif import read_wif  # noqa: E402
@@ -78,7 +79,22 @@ def test_weaver_corrects_a_draft(
     assert np.flatnonzero(changed).tolist() == [30]
     keep_picture(window, "weaver.jpg")
 
-    # 5. A liftplan, and 6. treadles again.
+    # 5. A point draw, whose ends are threaded up and back, and its undo.
+    threading = draft.grid.shown.loom.threading
+    at = QPoint(*draft.grid.current_layout().center(GridCell("threading", 20, 16)))
+    view = draft.grid.viewport()
+    reason = QContextMenuEvent.Reason.Mouse
+    QApplication.sendEvent(view, QContextMenuEvent(reason, at, view.mapToGlobal(at)))
+    wait_until(draft.commands.menu.isVisible)
+    draft.commands.actions["Point draw"].trigger()
+    draft.commands.menu.close()
+    assert [row[0] for row in draft.grid.shown.loom.threading[29:35]] == [30, 31, 32, 31, 30, 29]
+    for _ in range(2):
+        qtbot.mouseClick(draft.back_button, LEFT)
+    window.menus.actions["Undo"].trigger()
+    assert draft.grid.shown.loom.threading == threading
+
+    # 6. A liftplan, and treadles again.
     treadled = draft.loom_kind.currentIndex()
     draft.loom_kind.setCurrentText("Liftplan")
     draft.loom_kind.activated.emit(draft.loom_kind.currentIndex())
@@ -86,13 +102,13 @@ def test_weaver_corrects_a_draft(
     window.menus.actions["Undo"].trigger()
     assert draft.loom_kind.currentIndex() == treadled
 
-    # It is saved next to the original draft.
+    # 7. It is saved next to the original draft.
     mine = tmp_path / "mine.wif"
     monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(mine), ""))
     qtbot.mouseClick(draft.save_button, LEFT)
     assert read_wif(mine).loom == draft.grid.shown.loom
 
-    # 7. Near yarns are drawn as yarns, and a screenshot is saved.
+    # 8. Near yarns are drawn as yarns, and a screenshot is saved.
     turn_wheel(window.view.canvas, 120)
     wait_until(lambda: settled(window))
     picture = tmp_path / "mine.png"

@@ -32,6 +32,7 @@ from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.help.command_palette import Entry
 from spacemap_vtk.app.help.help_menu import HelpMenu
 from spacemap_vtk.app.help.palette_entries import scene_entries, stage_entries, tab_entries
+from spacemap_vtk.app.help.walks import Parts, make_walks
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.composite_tab import CompositeTab
 from spacemap_vtk.app.panels.error_bar import ErrorBar
@@ -153,7 +154,20 @@ class MainWindow(QMainWindow):
             self.panels.values(),
         )
         self.draft.commands.add_to(self.menuBar(), self.menus.time.menuAction())
-        self.help = HelpMenu(self, self.tools, self._palette_entries)
+        parts = Parts(
+            self.document,
+            self.tabs,
+            self.gallery,
+            self.draft,
+            self.modes,
+            self.plots,
+            self.figures,
+            self.plan,
+            self.view,
+            self.tools,
+            self.times,
+        )
+        self.help = HelpMenu(self, self.tools, self._palette_entries, make_walks(parts))
         self._connect()
         self.setAcceptDrops(True)
         self._restore_state()

@@ -58,6 +58,8 @@ QListWidget#gallery::item:hover {{ background: {check}; }}
 QListWidget#gallery::item:selected {{ background: {check}; color: {text}; }}
 QPushButton#side {{ padding: 3px 2px; }}
 QPushButton#side:checked {{ background: {check}; border: 1px solid {accent}; border-radius: 4px; }}
+QFrame#guide {{ border: 1px solid {accent}; background: {card}; }}
+QFrame#guide QLabel {{ color: {text}; }}
 QDialog#commands {{ border: 1px solid {accent}; }}
 QFrame#card {{ border: 1px solid {line}; border-radius: 6px; background: {card}; }}
 QFrame#card[selected="true"] {{ border: 2px solid {accent}; }}

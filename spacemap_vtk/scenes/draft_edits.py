@@ -13,7 +13,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Ints
 from spacemap_vtk.scenes.editable_draft import EditableDraft
 from spacemap_vtk.textile.drafts import blocks, draws, loom_edits, orders
-from spacemap_vtk.textile.drafts.loom import to_marks
+from spacemap_vtk.textile.drafts.loom import Loom, to_marks
 from spacemap_vtk.textile.drafts.patterns import build_pattern
 
 #: Names of the parts of a draft, by panel.
@@ -360,6 +360,11 @@ def weave_as_drawn_in(shown: EditableDraft) -> EditableDraft:
     if picks != ends:
         shown = shown.arrange(picks=np.arange(ends) % picks)
     return shown.with_loom(loom)
+
+
+def reduce_loom(shown: EditableDraft) -> EditableDraft:
+    """Weave the same cloth with the fewest shafts and treadles, numbered as they are first used."""
+    return shown.with_loom(Loom.from_drawdown(shown.drawdown))
 
 
 def color_as_warp(shown: EditableDraft) -> EditableDraft:

@@ -193,6 +193,11 @@ class DraftActions(QObject):
         for name, edit, about in (
             ("Weave as drawn in", edits.weave_as_drawn_in, "Treadle in the order of the threading"),
             ("Weft colours as the warp", edits.color_as_warp, "In the same order as in the warp"),
+            (
+                "Fewest shafts and treadles",
+                edits.reduce_loom,
+                "Weave the same cloth; ends that always move together share a shaft",
+            ),
             ("Turn the draft", edits.turn_draft, "Exchange warp and weft"),
             ("Turn the cloth over", edits.turn_over, "Weave it with its back up"),
         ):

@@ -95,7 +95,7 @@ class DrawDialog(_FormDialog):
         self.form.addRow(f"From {what}", self.first)
         self.form.addRow(f"To {what}", self.last)
         self.labels = QLabel(), QLabel()
-        self.extra = CountBox(minimum=1, maximum=4096), CountBox(minimum=1, maximum=4096)
+        self.extra = CountBox(maximum=4096), CountBox(maximum=4096)
         for label, field in zip(self.labels, self.extra, strict=True):
             self.form.addRow(label, field)
         for field in (self.first, self.last, *self.extra):
@@ -117,9 +117,11 @@ class DrawDialog(_FormDialog):
             used = index < len(fields)
             self.form.setRowVisible(field, used)
             if used:
-                label.setText(fields[index][0])
-                shafts = abs(self.last.value() - self.first.value()) + 1
-                field.setValue(fields[index][1] or shafts)
+                name, default = fields[index]
+                label.setText(name)
+                field.setMinimum(min(default, 1))
+                field.setSpecialValueText("" if default else "as many as shafts")
+                field.setValue(default)
         self._preview()
 
     def _preview(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 
 from PySide6 import __version__ as qt_version
@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonCore import vtkVersion
 
 from spacemap_vtk import __version__
 from spacemap_vtk.app.help.command_palette import CommandPalette, Entry
+from spacemap_vtk.app.help.guide import Guide, Walk
 from spacemap_vtk.app.help.manual import Manual, online_address
 from spacemap_vtk.app.help.menu_tree import MenuEntry, menu_entries
 from spacemap_vtk.app.help.palette_entries import action_entries
@@ -29,6 +30,7 @@ class HelpMenu(QObject):
         window: QMainWindow,
         tools: QToolBar,
         window_entries: Callable[[], Iterator[Entry]],
+        walks: Iterable[Walk],
     ) -> None:
         super().__init__(window)
         self._window, self._tools = window, tools
@@ -37,6 +39,7 @@ class HelpMenu(QObject):
         self.commands = CommandPalette(window)
         self.commands.chosen.connect(lambda entry: entry.run())
         self.manual: Manual | None = None
+        self.guide = Guide(window)
         menu = window.menuBar().addMenu("&Help")
         for name, key, slot in (
             ("Manual", "F1", self.show_manual),
@@ -50,6 +53,11 @@ class HelpMenu(QObject):
             if name.startswith("About"):
                 menu.addSeparator()
             menu.addAction(shown)
+            if name == "Manual":
+                inside = menu.addMenu("Guided walks")
+                for walk in walks:
+                    begin = partial(_call, partial(self.guide.start, walk))
+                    inside.addAction(action(self, walk.title, begin))
 
     @property
     def entries(self) -> list[MenuEntry]:
