@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from window import require_display, wait_until
+from window import require_display, settled, wait_until
 
 require_display()
 
@@ -56,11 +56,23 @@ def test_the_figures_are_those_of_the_command_line(
     assert saved == [("measurement", tmp_path / "b.csv", "bending")]
 
 
-def test_a_cloth_without_stiffness_is_refused_with_the_cure(open_scene: Any) -> None:
+def test_a_cloth_without_stiffness_is_offered_cotton_yarns(open_scene: Any) -> None:
     window = open_scene("plain_weave")
     tab = window.measure
     window.tabs.setCurrentWidget(tab)
     tab.run_button.click()
     wait_until(lambda: tab.run_button.text() == "Measure")
-    assert "yarns.modulus" in tab.notes.text()
+    assert "stiffness of the yarns" in tab.notes.text()
     assert tab.result is None
+    before = window.document.text
+    tab.cotton_button.click()
+    assert window.document.scene.parts["yarns"].modulus is not None
+    wait_until(lambda: settled(window))
+    tab.tests.setCurrentIndex(tab.tests.findData("bending"))
+    tab.run_button.click()
+    wait_until(lambda: tab.run_button.text() == "Measure")
+    assert tab.result is not None
+    wait_until(lambda: tab.canvas.height() > 100)
+    assert not tab.cotton_button.isVisible()
+    window.document.history.undo()
+    assert window.document.text == before

@@ -61,6 +61,7 @@ from spacemap_vtk.draw.scene_view import ViewOptions
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.cage_state import copy_state
 from spacemap_vtk.filters.load_parameters import DOWN
+from spacemap_vtk.scenes.laboratory import COTTON
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
 from spacemap_vtk.scenes.report import describe_motion, summarise_motion
 from spacemap_vtk.scenes.scene_record import describe_outside_files
@@ -73,6 +74,8 @@ _MAX_PROGRESS = 99
 _MESSAGE_TIME = 10_000
 #: Smallest width of the window in pixels, less than all its panels need together.
 _MIN_WIDTH = 690
+#: Free width beside the title of a tab, in pixels.
+_TAB_GAP = 9
 #: Share of the window's width for the gallery at the first start.
 _GALLERY = 0.36
 #: Factor by which one key press makes lines and points thicker.
@@ -179,7 +182,10 @@ class MainWindow(QMainWindow):
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         if scene is None and QSettings().value("columns") is None:
             # At first, room for several columns of thumbnails.
+            titles = (self.tabs.tabText(n) for n in range(self.tabs.count()))
+            room = sum(self.fontMetrics().horizontalAdvance(title) + _TAB_GAP for title in titles)
             left, tabs = self.splitter.widget(0).minimumWidth(), round(_GALLERY * self.width())
+            tabs = max(tabs, room)
             self.splitter.setSizes([left, self.width() - left - tabs, tabs])
         self.document.open(scene or "plain_weave")
 
@@ -343,6 +349,7 @@ class MainWindow(QMainWindow):
         self.director.drawn.connect(self.plan.follow)
         self.plan.export_requested.connect(self.exports.plan)
         self.measure.export_requested.connect(self.exports.measurement)
+        self.measure.cotton_requested.connect(self._use_cotton)
         self.composite.export_requested.connect(self.exports.composite)
         self.draft.dragging.connect(self.director.set_dragging)
         self.draft.commands.show_requested.connect(partial(self.tabs.setCurrentWidget, self.draft))
@@ -449,6 +456,13 @@ class MainWindow(QMainWindow):
             on = bool(file)
         self._try_change(self.document.switch, section, on, values)
         self.stages.show_boxes(self.document.scene)  # the switch may have been refused
+
+    def _use_cotton(self) -> None:
+        """Give the yarns the stiffness of spun cotton."""
+        if self.document.scene.stage("crimp") is None:
+            self._try_change(self.document.switch, "yarns", True, COTTON)
+        else:
+            self._try_change(self.document.set_many, "yarns", COTTON)
 
     def _set_hanging(self, on: bool) -> None:
         written = self._hanging_values if on else {"hang": False}

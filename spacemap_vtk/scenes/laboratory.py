@@ -26,7 +26,15 @@ from spacemap_vtk.textile.weave.figures import fabric_figures
 
 #: Name that stands for all tests.
 ALL = "all"
-_CURE = (
+#: Stiffness of spun cotton yarns of 30 tex whose crossings do not flatten, for [yarns].
+COTTON = {
+    "inextensible": False,
+    "modulus": "300 cN/tex",
+    "bending": "2 mN.mm2",
+    "flattest": 1,
+}
+#: Cure of a fabric without stiffness.
+GIVE_STIFFNESS = (
     "Give the stiffness of the yarns, for example --set yarns.inextensible=false --set "
     'yarns.modulus="300 cN/tex" --set yarns.bending="2 mN.mm2" --set yarns.flattest=1 (spun '
     "cotton of 30 tex whose crossings do not flatten), or choose a measured fabric, as --set "
@@ -86,7 +94,7 @@ def fabric_of(scene: Scene) -> Fabric:
         raise InputError(
             f"{scene.file or scene.title}: this scene gives the stiffness of neither yarns nor "
             "sheet",
-            cure=_CURE,
+            cure=GIVE_STIFFNESS,
         )
     return found
 

@@ -26,13 +26,17 @@ from spacemap_vtk.app.work.slices import in_slices
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
-from spacemap_vtk.scenes.laboratory import TestResult, measure_scene
+from spacemap_vtk.scenes.laboratory import GIVE_STIFFNESS, TestResult, measure_scene
 from spacemap_vtk.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.backends.backend_qtagg import FigureCanvasQTAgg
 
 _HINT = "Choose a test and click Measure. {}"
+_NO_STIFFNESS = (
+    "The test needs the stiffness of the yarns, which this scene does not give. Spun cotton is a "
+    "first choice; its values are then in Crimp interchange."
+)
 _OLD = "The scene has changed since this measurement."
 _HEADINGS = ("", "figure", "", "value", "SI")
 #: Kinds of files that the tab writes, with their endings.
@@ -69,6 +73,9 @@ class MeasureTab(QWidget):
     #: Ending of a file to write, and the name of the test.
     export_requested = Signal(str, str)
 
+    #: The yarns shall get the stiffness of cotton.
+    cotton_requested = Signal()
+
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
         self._document, self._engine = document, engine
@@ -87,6 +94,9 @@ class MeasureTab(QWidget):
         self.save_button.setMenu(menu)
         self.progress_bar = QProgressBar(maximum=0, textVisible=False)
         self.hint, self.notes = note(), note()
+        #: Gives the yarns a stiffness; shown if a measurement lacks it.
+        self.cotton_button = QPushButton("Use yarns of spun cotton")
+        self.cotton_button.clicked.connect(self.cotton_requested)
         self.table = results_table(_HEADINGS)
         #: Created with the first measurement, because importing matplotlib takes time.
         self.canvas: FigureCanvasQTAgg | None = None
@@ -102,8 +112,9 @@ class MeasureTab(QWidget):
             buttons,
             self.hint,
             self.progress_bar,
-            (self._parts, 1),
             self.notes,
+            self.cotton_button,
+            (self._parts, 1),
             margins=(6, 6, 6, 6),
             spacing=6,
         )
@@ -146,6 +157,7 @@ class MeasureTab(QWidget):
         self._requested = None
         self.run_button.setText("Measure")
         self.progress_bar.hide()
+        self.cotton_button.hide()
         self.notes.setText(text)
 
     def _receive(self, result: Any) -> None:
@@ -154,6 +166,10 @@ class MeasureTab(QWidget):
         if not isinstance(result, _Result) or result.key is not self._requested:
             return  # the result belongs to another tab, or was cancelled
         if isinstance(result.outcome, SpacemapError):
+            if result.outcome.cure == GIVE_STIFFNESS and self._document.scene.woven is not None:
+                self._finish(_NO_STIFFNESS)
+                self.cotton_button.show()
+                return
             self._finish(self._document.drafts.replace_paths(str(result.outcome)))
             return
         self.result = result.outcome
@@ -191,7 +207,7 @@ class MeasureTab(QWidget):
         figure.set_facecolor(ink.paper)
         self.canvas.setVisible(bool(self.result.measurement.curves))
         panel = figure.subplots()
-        draw_curves(panel, self.result.measurement, with_si=False, ink=ink)
+        draw_curves(panel, self.result.measurement, with_si=False, ink=ink, with_figures=False)
         panel.tick_params(labelsize=8)
         for label in (panel.xaxis.label, panel.yaxis.label):
             label.set_fontsize(8.5)

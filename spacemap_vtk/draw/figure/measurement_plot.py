@@ -61,9 +61,13 @@ def measurement_plot(title: str, results: Sequence[TestResult]) -> Figure:
 
 
 def draw_curves(
-    panel: Axes, measurement: Measurement, with_si: bool = True, ink: Ink = LIGHT
+    panel: Axes,
+    measurement: Measurement,
+    with_si: bool = True,
+    ink: Ink = LIGHT,
+    with_figures: bool = True,
 ) -> None:
-    """Draw the curves of a test into a panel, with the figures beside them."""
+    """Draw the curves of a test into a panel, with the figures below them."""
     x, y = measurement.x_axis, measurement.y_axis
     for number, curve in enumerate(measurement.curves):
         hidden = any(_coincide(curve, other) for other in measurement.curves[:number])
@@ -73,7 +77,7 @@ def draw_curves(
             color=COLORS[number % len(COLORS)],
             linewidth=1.6,
             linestyle=_DASHES if hidden else "-",
-            label=_describe_curve(measurement, curve.name),
+            label=_describe_curve(measurement, curve.name) if with_figures else curve.name,
         )
     panel.set(xlabel=x.label, ylabel=y.label, facecolor=ink.paper)
     panel.grid(color=ink.grid, linewidth=0.6)
@@ -92,7 +96,8 @@ def draw_curves(
         frameon=False,
         fontsize=8 if with_si else 7,
         loc="upper center",
-        bbox_to_anchor=(0.5, -0.15),
+        bbox_to_anchor=(0.5, -0.15 if with_figures else -0.22),
+        ncols=1 if with_figures else 2,
         labelcolor=ink.text,
     )
     if with_si and y.unit.si and y.unit.size != 1.0:
