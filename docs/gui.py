@@ -14,10 +14,12 @@ from pathlib import Path
 
 os.environ["SPACEMAP_CACHE"] = "off"
 
-from PySide6.QtCore import QCoreApplication, QEvent, QSettings
+from PySide6.QtCore import QCoreApplication, QEvent, QPoint, QSettings
 from PySide6.QtWidgets import QApplication
 
+from spacemap_vtk.app.draft.draft_layout import GridCell
 from spacemap_vtk.app.launch import MainWindow
+from spacemap_vtk.scenes.draft_edits import Selection
 from spacemap_vtk.textile.drafts.loom import Loom
 
 #: A diamond twill: pointed threading, and a treadling that follows it.
@@ -42,6 +44,20 @@ def weave_diamond(window: MainWindow) -> None:
     window.times.go_to(0.02)
 
 
+def select_in_draft(window: MainWindow) -> None:
+    """Select a block of the threading and open its menu; mark floats and show counts."""
+    window.splitter.setSizes([270, 430, 740])
+    draft = window.draft
+    draft.float_box.setChecked(True)
+    draft.counts_button.setChecked(True)
+    draft.grid.select(Selection("threading", (9, 16), (1, 4)))
+    QApplication.processEvents()
+    # Beside the draft, which it would hide.
+    x, y = draft.grid.current_layout().center(GridCell("weft", 0, draft.grid.shown.size[1]))
+    draft.grid.menu_requested.emit(draft.grid.viewport().mapToGlobal(QPoint(x + 10, y - 90)))
+    wait(draft.commands.menu.isVisible)
+
+
 def wait_for_plots(window: MainWindow) -> None:
     """Wait for the plots."""
     wait(lambda: window.plots.curves is not None)
@@ -55,13 +71,20 @@ def wait(done: Callable[[], bool], seconds: float = 60.0) -> None:
         time.sleep(0.01)
 
 
-def save_picture(file: Path, tab: str, dark: bool, prepare: Callable[[MainWindow], None]) -> None:
-    """Save a screenshot of a window with the scene plain_weave."""
+def save_picture(
+    file: Path,
+    tab: str,
+    dark: bool,
+    prepare: Callable[[MainWindow], None],
+    scene: str = "plain_weave",
+    only_tab: bool = False,
+) -> None:
+    """Save a screenshot of a window with a scene, or of its tab."""
     window = MainWindow()
     window.resize(1440, 900)
     if window.menus.dark.isChecked() != dark:
         window.menus.dark.trigger()
-    window.start("plain_weave")
+    window.start(scene)
     window.show()
     window.tabs.setCurrentWidget(getattr(window, tab))
     wait(lambda: window.view.frame is not None)
@@ -69,7 +92,11 @@ def save_picture(file: Path, tab: str, dark: bool, prepare: Callable[[MainWindow
     # The window draws the last state again, with smooth edges.
     end = time.monotonic() + 2.0
     wait(lambda: time.monotonic() > end and not window.engine.busy)
-    QApplication.primaryScreen().grabWindow(window.winId()).save(str(file))
+    part = window.tabs if only_tab else window
+    at = part.mapToGlobal(QPoint(0, 0))
+    # Of the screen, because menus are windows of their own.
+    picture = QApplication.primaryScreen().grabWindow(0, at.x(), at.y(), *part.size().toTuple())
+    picture.save(str(file), quality=85 if file.suffix == ".jpg" else -1)
     window.discard()
     QApplication.processEvents()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
@@ -83,4 +110,6 @@ if __name__ == "__main__":
     app = QApplication([])
     app.setApplicationName("spacemap")
     save_picture(folder / "gui.png", "draft", False, weave_diamond)
+    tab = folder / "draft_tab.jpg", "draft", False, select_in_draft
+    save_picture(*tab, "drafts/herringbone.wif", only_tab=True)
     save_picture(folder / "gui_plots.png", "plots", True, wait_for_plots)

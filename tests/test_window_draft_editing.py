@@ -163,7 +163,7 @@ def test_back_floats_and_counts_are_shown(draft_of: Any, qtbot: Any, twill: Path
         "7\tHeddles\tall shafts",
     ]
     assert rows[9] == "8\tWarp float, back\tend 3, picks 1–8"
-    assert "Warp floats over 3: 1, longest 8" in draft.counts_view.summary.text()
+    assert "Warp: 0 face, 1 back, longest 8" in draft.counts_view.summary.text()
     draft.back_button.setChecked(False)
     draft.counts_view.table.selectRow(9)
     assert grid.selection == Selection("drawdown", (3, 3), (1, 8))

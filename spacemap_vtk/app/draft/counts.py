@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtCore import QEvent, QObject, Signal
 from PySide6.QtGui import QGuiApplication, QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QAbstractItemView, QLabel, QTableWidgetItem, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QLabel, QSizePolicy, QTableWidgetItem, QWidget
 
 from spacemap_vtk.app.widgets import RIGHT, column, results_table, row, tool_button
 from spacemap_vtk.scenes.draft_edits import Selection
-from spacemap_vtk.scenes.editable_draft import EditableDraft
+from spacemap_vtk.scenes.editable_draft import FAMILIES, EditableDraft
 from spacemap_vtk.textile.drafts.floats import FloatLimits, YarnFloats, find_floats
 from spacemap_vtk.textile.drafts.loom import count_marks
 
@@ -30,9 +30,12 @@ class DraftCounts(QWidget):
         self.table = results_table(("Number", "What", "Where"))
         self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self.table.horizontalHeader().setStretchLastSection(True)
-        self.table.setMinimumHeight(110)
+        self.table.setMinimumHeight(80)
+        self.table.setMaximumHeight(150)
         self.table.installEventFilter(self)
         self.summary = QLabel()
+        # Its words must not widen a narrow tab.
+        self.summary.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.copy_button = tool_button("Copy", "Copy the table, or its selected rows (Ctrl+C)")
         self.copy_button.clicked.connect(self.copy)
         top = row(None, (self.summary, 1), self.copy_button)
@@ -59,9 +62,10 @@ class DraftCounts(QWidget):
             both = [find_floats(shown.drawdown, family, face) for face in (False, True)]
             for face in (True, False):
                 rows += self._float_rows(both[face].longer_than(most), family, face, len(rows))
-            count = sum(len(floats.longer_than(most).length) for floats in both)
+            back, front = (len(floats.longer_than(most).length) for floats in both)
             longest = max(floats.longest for floats in both)
-            sentences.append(f"{_FAMILIES[family]}s over {most}: {count}, longest {longest}")
+            name = FAMILIES[family].capitalize()
+            sentences.append(f"{name}: {front} face, {back} back, longest {longest}")
         self.table.blockSignals(True)
         self.table.clearSelection()
         self.table.setRowCount(len(rows))
@@ -73,6 +77,8 @@ class DraftCounts(QWidget):
                 self.table.setItem(number, place, item)
         self.table.blockSignals(False)
         self.summary.setText("\n".join(sentences))
+        over = " and ".join(map(str, dict.fromkeys(limits)))
+        self.summary.setToolTip(f"Number of floats over {over} crossings, and the longest float")
 
     def _float_rows(
         self, floats: YarnFloats, family: int, face: bool, first: int
