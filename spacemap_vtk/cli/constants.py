@@ -1,4 +1,4 @@
-"""The commands ``constants`` and ``unit-cell``: composites with a textile in them."""
+"""The commands ``constants``, ``unit-cell`` and ``permeability``: unit cells of textiles."""
 
 from __future__ import annotations
 
@@ -159,6 +159,53 @@ def unit_cell(
     given = {"fibre": fibre, "matrix": matrix, "packing": packing, "voxels": voxels}
     own = [f"unit_cell.{name}={value}" for name, value in given.items() if value is not None]
     run_job(job, open_scene(scene, (*own, *set_)), "Filling voxels", quiet)
+
+
+def permeability(
+    scene: SceneName,
+    /,
+    *,
+    voxels: Annotated[str | None, _option("voxels")] = None,
+    set_: Set = (),
+    json_: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute how easily a fluid flows through a textile between its yarns.
+
+    One repeat of the textile is cut into voxels, through which a viscous fluid flows slowly along
+    x, y and z. Yarns are solid: the flow between their fibres is left out. The cell repeats itself
+    along z, too, as in a stack of layers; its height is unit_cell.height, or the thickness of the
+    textile. Printed is the permeability K in m²: the mean velocity is K times the gradient of the
+    pressure over the viscosity. Everything is computed again on voxels twice as large; the
+    difference is the error behind ±. For example:
+
+        spacemap permeability plain_weave
+        spacemap permeability twill_2_2 --voxels 128 --json
+        spacemap permeability plain_weave --set unit_cell.height=0.6mm
+    """
+    own = [] if voxels is None else [f"unit_cell.voxels={voxels}"]
+    chosen = open_scene(scene, (*own, *set_))
+    from spacemap_vtk.scenes.permeability import compute_permeability, permeability_as_json
+
+    with progress(chosen, "Computing", quiet) as report_progress:
+        found = compute_permeability(
+            chosen, lambda share: report_progress(round(_STEPS * share), _STEPS)
+        )
+    if json_:
+        print_json({"title": chosen.title, **permeability_as_json(found)})
+        return
+    print_plain(chosen.title)
+    size = " × ".join(f"{1e3 * side:.4g}" for side in found.size)
+    print_plain(
+        f"Cell {size} mm, {' × '.join(map(str, found.voxels))} voxels; yarns "
+        f"{found.yarn_share:.1%} of the volume"
+    )
+    table = number_table(("direction", "permeability", "±", "unit"), words=1)
+    for number, axis in enumerate("xyz"):
+        fine, coarse = found.tensor[number, number], found.coarse[number, number]
+        table.add_row(axis, f"{fine:.4g}", f"{abs(fine - coarse):.1g}", "m²")
+    print_plain(table)
+    print_warnings(chosen, quiet)
 
 
 def _print(found: Composite) -> None:

@@ -88,6 +88,10 @@ COMMANDS = {
         "constants:unit_cell",
         "Write one repeat of a textile in a matrix as voxels, or as a deck of a solver.",
     ),
+    "permeability": (
+        "constants:permeability",
+        "Compute how easily a fluid flows through a textile between its yarns.",
+    ),
     "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
     "info": (
         "reports:info",
