@@ -40,7 +40,7 @@ def edge_through_lens(view: View) -> NDArray[np.float64]:
         place()
         return window.draw()[..., :3].copy()
 
-    picture = mean_over_lens(window.camera, view, SIZE[0] / SIZE[1], draw)
+    picture = mean_over_lens(window.camera, view, SIZE, draw)
     assert window.camera.GetWindowCenter() == (0.0, 0.0)
     assert window.camera.GetPosition() == (0.0, 0.0, DISTANCE)
     window.close()

@@ -20,6 +20,8 @@ from spacemap_vtk.scenes.settings import View
 
 #: Number of points on the lens.
 LENS_POINTS = 64
+#: Steps of a sequence that fills a square evenly.
+_EVEN = np.array([0.7548776662466927, 0.5698402909980532])
 #: Angle from each point of a spiral to the next one, with which they are spread evenly over a disc
 #: (H. Vogel, Mathematical Biosciences 44, 1979).
 _GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
@@ -30,6 +32,12 @@ def lens_points(count: int) -> Floats:
     number = np.arange(count)
     radius, angle = np.sqrt((number + 0.5) / count), number * _GOLDEN_ANGLE
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def _places_in_pixel(count: int) -> Floats:
+    """Return places spread evenly over a pixel, from -1/2 to 1/2, shape (count, 2)."""
+    # The steps are 1/g and 1/g² for the root g of x³ = x + 1.
+    return np.asarray(np.arange(1, count + 1)[:, None] * _EVEN % 1.0 - 0.5)
 
 
 def focus_distance(viewpoint: Viewpoint, focus: Sequence[float] | None) -> float:
@@ -52,10 +60,14 @@ def focus_distance(viewpoint: Viewpoint, focus: Sequence[float] | None) -> float
 
 
 def mean_over_lens(
-    camera: vtkCamera, view: View, aspect: float, draw: Callable[[Callable[[], None]], Bytes]
+    camera: vtkCamera,
+    view: View,
+    size: tuple[int, int],
+    draw: Callable[[Callable[[], None]], Bytes],
 ) -> Bytes:
     """Return the mean of the pictures that `draw` returns for all points of a view's lens."""
-    # `draw` gets a function that places the camera; `aspect` is that of the whole picture.
+    # `draw` gets a function that places the camera; `size` is that of the picture in pixels. Each
+    # picture is also shifted within a pixel, so that the mean has smooth edges.
     viewpoint = Viewpoint.from_camera(camera)
     distance = focus_distance(viewpoint, view.focus)
     back = np.subtract(viewpoint.position, viewpoint.focus)
@@ -64,18 +76,19 @@ def mean_over_lens(
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(back, right)])
     high = distance * math.tan(math.radians(viewpoint.angle / 2))
+    half = np.array([high * size[0] / size[1], high])
     center = camera.GetWindowCenter()
     light: Floats | float = 0.0
     cover: Floats | float = 0.0
-    for point in 0.5 * view.aperture * distance * lens_points(LENS_POINTS):
-        shift = point @ axes
+    points = 0.5 * view.aperture * distance * lens_points(LENS_POINTS)
+    pixels = 2.0 * _places_in_pixel(LENS_POINTS) / size
+    for point, pixel in zip(points, pixels, strict=True):
+        shift, middle = point @ axes, center - point / half + pixel
 
-        def place(point: Floats = point, shift: Floats = shift) -> None:
+        def place(shift: Floats = shift, middle: Floats = middle) -> None:
             camera.SetPosition(*(viewpoint.position + shift).tolist())
             camera.SetFocalPoint(*(viewpoint.focus + shift).tolist())
-            camera.SetWindowCenter(
-                center[0] - point[0] / (high * aspect), center[1] - point[1] / high
-            )
+            camera.SetWindowCenter(*middle.tolist())
 
         picture = draw(place).astype(np.float64)
         # Without background, the fourth number is the coverage of a pixel.

@@ -31,6 +31,8 @@ _LETTER = 0.058
 _RADII = (0.0, 0.12, 0.25, 0.5, 1.0)
 #: Lines and text are drawn this many times larger, then reduced.
 _FINE = 3
+#: Coverage of the line below, of 255.
+_HALO = 150
 _DARK = (52, 60, 70)
 _LIGHT = (236, 240, 245)
 
@@ -63,8 +65,10 @@ def view_of_inset(
     camera: vtkCamera,
     surface: vtkPolyData,
     size: tuple[int, int],
+    scale_width: float = 0.0,
 ) -> InsetView:
     """Return the view of an inset in a picture of a surface with a camera."""
+    # `scale_width` is the share of the width that a colour scale takes on the right.
     width, height = size
     side = max(16, round(inset.size * height))
     if side > width:
@@ -72,7 +76,8 @@ def view_of_inset(
     field = side / inset.magnification
     edge = round(_EDGE * height)
     right, upper = inset.corner_of_picture
-    corner = width - edge - side if right else edge, edge if upper else height - edge - side
+    free = round((1.0 - scale_width) * width)
+    corner = free - edge - side if right else edge, edge if upper else height - edge - side
     place = inset.place[0] * width, (1.0 - inset.place[1]) * height
     point = _point_at(camera, surface, inset.place, size, field)
     if point is None:
@@ -165,9 +170,12 @@ def place_inset(picture: Bytes, drawn: Bytes, shown: InsetView, view: View) -> B
     mode = "RGB" if picture.shape[2] == 3 else "RGBA"
     page = Image.fromarray(picture, mode).convert("RGBA")
     line = max(1.0, _LINE * height)
-    lines = Image.new("RGBA", (width * _FINE, height * _FINE))
-    _draw_leaders(ImageDraw.Draw(lines), shown, ink, line)
-    page.alpha_composite(lines.reduce(_FINE))
+    # A wider line of the opposite colour below makes it visible on cloth of any colour.
+    below = _DARK if ink == _LIGHT else _LIGHT
+    for color, wide in (((*below, _HALO), 3.0 * line), ((*ink, 255), line)):
+        lines = Image.new("RGBA", (width * _FINE, height * _FINE))
+        _draw_leaders(ImageDraw.Draw(lines), shown, color, wide)
+        page.alpha_composite(lines.reduce(_FINE))
     inside = Image.new("RGBA", (shown.side, shown.side), (*style.top_color, 255))
     inside.alpha_composite(Image.fromarray(drawn, "RGBA"))
     if shown.inset.scale_bar:
@@ -203,10 +211,10 @@ def _draw_shape(
 
 
 def _draw_leaders(
-    pen: ImageDraw.ImageDraw, shown: InsetView, ink: tuple[int, int, int], line: float
+    pen: ImageDraw.ImageDraw, shown: InsetView, color: tuple[int, int, int, int], line: float
 ) -> None:
     """Draw the frame of the magnified place, and two lines from it to the inset."""
-    color, width = (*ink, 255), max(1, round(line * _FINE))
+    width = max(1, round(line * _FINE))
     small, large = 0.5 * shown.field, 0.5 * shown.side
     begin, end = np.array(shown.place), np.array(shown.corner) + large
     corner = begin - small

@@ -185,6 +185,7 @@ class Picture:
                 require_pixels(scene, self._request)  # they need more than those of the sheet
             #: Largest error of a sheet's points in m.
             self._sheet_tolerance = _SHEET_PIXELS * cloth.spacing / max(self.level.pixels, 1e-9)
+        self._has_lens = self._find_lens(points)
         self.panels: list[_Panel] = []
         for panel, w in zip(panels, panel_widths(width, len(panels)), strict=True):
             self.panels.append(self._make_panel(scene, panel, (w, height), points))
@@ -192,17 +193,22 @@ class Picture:
         self.pieces = None if cloth is None else self._make_pieces(cloth)
         #: The cameras of the panels at the beginning.
         self._viewpoints = [Viewpoint.from_camera(each.window.camera) for each in self.panels]
-        self._has_lens = scene.view.aperture > 0.0
-        if self._has_lens and self._viewpoints[-1].parallel_scale:
-            self._has_lens = False
-            scene.warn(
-                "view.aperture is ignored: a camera without perspective has no depth of field"
-            )
         #: Makes the dark layer inside a closed cloth; None if there is none, or no yarn is drawn.
         self._underlay: ClothUnderlay | None = None
         if self.sheet is None or self.pieces is not None:
             self._underlay = ClothUnderlay.make_if_needed(scene, self.sheet)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
+
+    def _find_lens(self, points: Floats) -> bool:
+        """Return whether the camera has a lens; warn if it cannot have the one of the scene."""
+        scene, camera = self.scene, vtkCamera()
+        _place_camera(scene, camera, points, 1.0, self._viewpoint)
+        wanted, flat = scene.view.aperture > 0.0, bool(camera.GetParallelProjection())
+        if wanted and flat:
+            scene.warn(
+                "view.aperture is ignored: a camera without perspective has no depth of field"
+            )
+        return wanted and not flat
 
     def _make_pieces(self, cloth: DrawnCloth) -> YarnPieces | None:
         """Prepare drawing the yarns piece by piece, if the level of detail asks for it."""
@@ -273,7 +279,8 @@ class Picture:
         surface = frame.surface if self.sheet is None else self.sheet.moved
         extent = points_of(surface).astype(np.float64), self._span
         for number, inset in enumerate(scene.view.insets):
-            shown = view_of_inset(number, inset, panel.window.camera, surface, panel.size)
+            camera, free = panel.window.camera, panel.scene_view.scale_width
+            shown = view_of_inset(number, inset, camera, surface, panel.size, free)
             close = Picture(
                 scene,
                 [frame.time],
@@ -293,11 +300,10 @@ class Picture:
         """Draw a panel with its camera, or with all cameras on the lens."""
         if not self._has_lens:
             return self._draw_once(panel, frame)
-        width, height = panel.size
         return mean_over_lens(
             panel.window.camera,
             self.scene.view,
-            width / height,
+            panel.size,
             lambda place: self._draw_once(panel, frame, place),
         )
 
@@ -390,6 +396,9 @@ class Picture:
         block, samples = supersampling(panel, has_shadows, size)
         if self.level.method is DrawingMethod.SHEET and panel == "fabric":
             block, samples = 1, SAMPLES  # a sheet needs samples only at its edges
+        signs = view.triad or view.scale_bar or view.time_stamp or self._span is not None
+        if self._has_lens and panel == "fabric" and not signs:
+            block, samples = 1, 0  # the mean over the lens has smooth edges, but not of signs
         window = open_offscreen((size[0] * block, size[1] * block), samples, block)
         scene_view = SceneView(window.renderer, has_shadows=True)
         # Dots and lines scale with the picture, like text, but stay large enough to be seen.

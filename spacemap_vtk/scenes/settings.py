@@ -92,7 +92,8 @@ class View(Parameterised):
     aperture = Real(
         0.0,
         "Diameter of the camera's lens, as a share of its distance from what is sharp. What is "
-        "nearer or farther is blurred, as in photographs; 0.02 to 0.2 is usual. 0: all is sharp.",
+        "nearer or farther is blurred, as in photographs; 0.02 to 0.2 is usual. 0: all is sharp. "
+        "Only in pictures and films, not in the window.",
         minimum=0.0,
         maximum=1.0,
     )

@@ -31,7 +31,9 @@ class CompositionRows:
         if view.aperture not in _APERTURES.values():
             self.aperture.addItem(f"{_OWN} ({view.aperture:g})", view.aperture)
         self.aperture.setCurrentIndex(self.aperture.findData(view.aperture))
-        self.aperture.setToolTip("What is nearer or farther is blurred; takes 64 times longer")
+        self.aperture.setToolTip(
+            "What is nearer or farther is blurred; takes about eight times longer"
+        )
         self.focus.addItems([*([_OWN] if view.focus is not None else []), *places])
         self.focus.setToolTip("What is sharp; click a point in the view before to choose it")
         self.inset, self.magnification = QComboBox(), QDoubleSpinBox(prefix="× ")
