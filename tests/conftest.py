@@ -421,7 +421,7 @@ def draft_of(open_scene: Any) -> Any:
         draft.grid.color = QColor("#2d6a8e")
         for tool in (draft.colors_button, draft.cloth_button):
             tool.setChecked(True)
-        off = draft.back_button, draft.select_button, draft.float_box, draft.counts_button
+        off = draft.reverse_button, draft.select_button, draft.float_box, draft.counts_button
         for tool in off:
             tool.setChecked(False)
         draft.grid.select(None)

@@ -11,7 +11,7 @@ from window import require_display, scene_of, settled, wait_until
 
 require_display()
 
-from PySide6.QtCore import QPoint, Qt, QTimer  # noqa: E402
+from PySide6.QtCore import QEvent, QPoint, Qt, QTimer  # noqa: E402
 from PySide6.QtGui import QColor, QContextMenuEvent  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QInputDialog  # noqa: E402
@@ -140,15 +140,15 @@ def test_menus_edit_threads_and_show_what_is_selected(
     assert actions["Select all"].isEnabled()
 
 
-def test_back_floats_and_counts_are_shown(draft_of: Any, qtbot: Any, twill: Path) -> None:
+def test_reverse_floats_and_counts_are_shown(draft_of: Any, qtbot: Any, twill: Path) -> None:
     window = draft_of(twill)
     draft, grid = window.draft, window.draft.grid
     grid.change(grid.shown.with_loom(grid.shown.loom.replace_threading(3, ())), "threading")
     picture = grid.viewport().grab().toImage()
     draft.float_box.setChecked(True)
-    # End 3 is in no heddle: the face shows only its picks, and it floats on the back.
+    # End 3 is in no heddle: the face shows only its picks, and it floats on the reverse.
     assert not grid.floats[:, 2].any()
-    draft.back_button.setChecked(True)
+    draft.reverse_button.setChecked(True)
     np.testing.assert_array_equal(np.flatnonzero(grid.floats.all(axis=0)), [2])
     # Turned over, end 1 is at the right.
     assert position(window, "drawdown", 1, 1).x() > position(window, "drawdown", 8, 1).x()
@@ -162,12 +162,12 @@ def test_back_floats_and_counts_are_shown(draft_of: Any, qtbot: Any, twill: Path
         "2\tHeddles\tshaft 4",
         "7\tHeddles\tall shafts",
     ]
-    assert rows[9] == "8\tWarp float, back\tend 3, picks 1–8"
-    assert "Warp: 0 face, 1 back, longest 8" in draft.counts_view.summary.text()
-    draft.back_button.setChecked(False)
+    assert rows[9] == "8\tWarp float, reverse\tend 3, picks 1–8"
+    assert "Warp: 0 face, 1 reverse, longest 8" in draft.counts_view.summary.text()
+    draft.reverse_button.setChecked(False)
     draft.counts_view.table.selectRow(9)
     assert grid.selection == Selection("drawdown", (3, 3), (1, 8))
-    assert draft.back_button.isChecked()
+    assert draft.reverse_button.isChecked()
     QTest.keyClick(draft.counts_view.table, Qt.Key.Key_C, CONTROL)
     assert QApplication.clipboard().text() == rows[9]
 
@@ -223,13 +223,24 @@ def test_dialogs_fill_with_draws_and_repeat(draft_of: Any, qtbot: Any, twill: Pa
     qtbot.keyClick(grid, Qt.Key.Key_R, CONTROL | SHIFT)
     assert grid.shown.size == (15, 8)
     np.testing.assert_array_equal(grid.shown.drawdown, grid.shown.drawdown[:, ::-1])
+
+    def accept_insert() -> None:
+        # Under a dialog, the mouse leaves the draft.
+        QApplication.sendEvent(grid, QEvent(QEvent.Type.Leave))
+        QApplication.activeModalWidget().accept()
+
+    grid.select(None)
+    qtbot.mouseMove(grid.viewport(), position(window, "treadling", 1, 6))
+    QTimer.singleShot(100, accept_insert)
+    qtbot.keyClick(grid, Qt.Key.Key_Insert)
+    assert grid.shown.loom.treadling[4:7] == ((1,), (), (2,))
     for name in ("Turn the draft", "Turn the cloth over", "Weave as drawn in"):
         actions[name].trigger()
-    assert grid.shown.size == (8, 8)
+    assert grid.shown.size == (9, 9)
     assert window.errors.text == ""
     wait_until(lambda: settled(window))
     np.testing.assert_array_equal(scene_of(window).woven.cloth.drawdown, grid.shown.drawdown)
-    for _ in range(5):
+    for _ in range(6):
         window.menus.actions["Undo"].trigger()
     assert grid.shown.loom == before.loom
 

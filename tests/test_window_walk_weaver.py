@@ -90,7 +90,7 @@ def test_weaver_corrects_a_draft(
     draft.commands.menu.close()
     assert [row[0] for row in draft.grid.shown.loom.threading[29:35]] == [30, 31, 32, 31, 30, 29]
     for _ in range(2):
-        qtbot.mouseClick(draft.back_button, LEFT)
+        qtbot.mouseClick(draft.reverse_button, LEFT)
     window.menus.actions["Undo"].trigger()
     assert draft.grid.shown.loom.threading == threading
 

@@ -373,7 +373,7 @@ def color_as_warp(shown: EditableDraft) -> EditableDraft:
 
 
 def turn_over(shown: EditableDraft) -> EditableDraft:
-    """Turn the cloth over, around the warp: its back becomes its face, its last end the first."""
+    """Turn the cloth over around the warp: its reverse becomes its face, its last end the first."""
     turned = shown.arrange(ends=np.arange(shown.size[0])[::-1])
     if shown.is_pattern:
         return replace(turned, drawdown=~turned.drawdown)

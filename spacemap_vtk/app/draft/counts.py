@@ -16,7 +16,7 @@ from spacemap_vtk.textile.drafts.loom import count_marks
 #: Most floats of the warp or the weft on one face that are listed.
 _MAX_FLOATS = 200
 _FAMILIES = ("Warp float", "Weft float")
-_FACES = ("back", "face")
+_FACES = ("reverse", "face")
 
 
 class DraftCounts(QWidget):
@@ -62,10 +62,10 @@ class DraftCounts(QWidget):
             both = [find_floats(shown.drawdown, family, face) for face in (False, True)]
             for face in (True, False):
                 rows += self._float_rows(both[face].longer_than(most), family, face, len(rows))
-            back, front = (len(floats.longer_than(most).length) for floats in both)
+            reverse, front = (len(floats.longer_than(most).length) for floats in both)
             longest = max(floats.longest for floats in both)
             name = FAMILIES[family].capitalize()
-            sentences.append(f"{name}: {front} face, {back} back, longest {longest}")
+            sentences.append(f"{name}: {front} face, {reverse} reverse, longest {longest}")
         self.table.blockSignals(True)
         self.table.clearSelection()
         self.table.setRowCount(len(rows))

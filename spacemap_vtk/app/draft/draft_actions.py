@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QDialog, QInputDialog, QMenu, QMenuBar
 from spacemap_vtk.app.draft.draft_dialogs import DrawDialog, RepeatDialog
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.ndarrays import Ints
 from spacemap_vtk.scenes import draft_edits as edits
 from spacemap_vtk.scenes.draft_edits import PANEL_NAMES, STRIPS, Selection
 from spacemap_vtk.scenes.editable_draft import EditableDraft
@@ -29,6 +30,9 @@ _ALL = (*_GRIDS, *STRIPS)
 _WEAVES = ("plain", "twill 2/2", "twill 3/1", "twill 1/3", "satin 5/2", "satin 8/3", "basket 2")
 _FAMILY_NAMES = ("ends", "picks")
 _Edit = Callable[[EditableDraft, Selection], EditableDraft]
+#: A family, 0 for ends and 1 for picks, and the indices of some of its threads.
+_Threads = tuple[int, slice]
+_ThreadEdit = Callable[[EditableDraft, int, slice], EditableDraft]
 
 
 class _Use(NamedTuple):
@@ -73,7 +77,7 @@ class DraftActions(QObject):
         for name, slot, key in (
             ("Insert ends or picks", self._ask_insert, "Ins"),
             ("Repeat ends or picks", self._ask_repeat, "Ctrl+Shift+R"),
-            ("Delete ends or picks", self._delete_threads, "Ctrl+Del"),
+            ("Delete ends or picks", self._delete, "Ctrl+Del"),
         ):
             self._add(self.menu, name, slot, key, use).setObjectName(name)
         for family in (0, 1):
@@ -181,9 +185,9 @@ class DraftActions(QObject):
         for label, slot in (
             ("Insert…", self._ask_insert),
             ("Repeat…", self._ask_repeat),
-            ("Double", partial(self._change_threads, "double", edits.double_threads)),
-            ("Reverse", partial(self._change_threads, "reverse", edits.reverse_threads)),
-            ("Delete", partial(self._change_threads, "delete", edits.delete_threads)),
+            ("Double", self._double),
+            ("Reverse order", self._reverse),
+            ("Delete", self._delete),
         ):
             self._add(
                 inside, f"{label} {name}", partial(slot, family=family), None, use, label=label
@@ -199,9 +203,10 @@ class DraftActions(QObject):
                 "Weave the same cloth; ends that always move together share a shaft",
             ),
             ("Turn the draft", edits.turn_draft, "Exchange warp and weft"),
-            ("Turn the cloth over", edits.turn_over, "Weave it with its back up"),
+            ("Turn the cloth over", edits.turn_over, "Weave it with its reverse up"),
         ):
-            action = self._add(menu, name, partial(self._apply_whole, name, edit))
+            undo_name = name[0].lower() + name[1:]
+            action = self._add(menu, name, partial(self._change, undo_name, edit))
             action.setToolTip(about)
         menu.setToolTipsVisible(True)
 
@@ -276,28 +281,24 @@ class DraftActions(QObject):
         for action in (*self._uses, *(m.menuAction() for m in self.menu.findChildren(QMenu))):
             action.setVisible(True)
 
-    def _apply(self, name: str, edit: _Edit, place: Selection | None = None) -> None:
-        """Apply an edit to the selection, or to the whole panel; one undo step."""
+    def _change(self, name: str, edit: Callable[[EditableDraft], EditableDraft]) -> None:
+        """Edit the draft in one undo step, or tell why that is not possible."""
         grid = self._grid
         if grid.shown is None:
             return
-        selection = place or grid.target
         try:
-            changed = edit(grid.shown, selection)
+            changed = edit(grid.shown)
         except SpacemapError as error:
             self.message.emit(_sentence(error))
         else:
-            grid.change(changed, f"{self._panel_name(selection.panel)}: {name}")
+            grid.change(changed, name)
 
-    def _apply_whole(self, name: str, edit: Callable[[EditableDraft], EditableDraft]) -> None:
-        if self._grid.shown is None:
-            return
-        try:
-            changed = edit(self._grid.shown)
-        except SpacemapError as error:
-            self.message.emit(_sentence(error))
-        else:
-            self._grid.change(changed, name[0].lower() + name[1:])
+    def _apply(self, name: str, edit: _Edit, place: Selection | None = None) -> None:
+        """Apply an edit to a place, usually the selection or the whole panel."""
+        if self._grid.shown is not None:
+            selection = place or self._grid.target
+            name = f"{self._panel_name(selection.panel)}: {name}"
+            self._change(name, lambda shown: edit(shown, selection))
 
     def _copy(self) -> None:
         grid = self._grid
@@ -358,37 +359,44 @@ class DraftActions(QObject):
         count = target.threads.stop - target.threads.start
         return count, target.places if last > first else whole.places, whole.places[1]
 
-    def _fill(self, name: str, draw: Callable[[int, int, int], np.ndarray]) -> None:
+    def _fill(self, name: str, draw: Callable[[int, int, int], Ints]) -> None:
         if self._grid.shown is not None and self._grid.place.panel in _DRAWN:
             count, places, _ = self._drawn_places()
-            self._fill_numbers(name.lower(), draw(count, *places))
+            self._fill_numbers(name.lower(), draw(count, *places), self._grid.target)
 
-    def _fill_numbers(self, name: str, numbers: np.ndarray) -> None:
-        self._apply(name, partial(edits.fill_with_numbers, numbers=numbers))
+    def _fill_numbers(self, name: str, numbers: Ints, place: Selection) -> None:
+        self._apply(name, partial(edits.fill_with_numbers, numbers=numbers), place)
+
+    # Commands that ask keep their place: under a dialog, the mouse leaves the cell that it was on.
 
     def _ask_draw(self) -> None:
         shown = self._grid.shown
         if shown is None or self._grid.place.panel not in _DRAWN:
             return
-        lifted = shown.loom.liftplan is not None
-        what = "shaft" if self._grid.place.panel == "threading" or lifted else "treadle"
+        place, lifted = self._grid.target, shown.loom.liftplan is not None
+        what = "shaft" if place.panel == "threading" or lifted else "treadle"
         dialog = DrawDialog(self._grid.window(), *self._drawn_places(), what)
         if dialog.exec() == QDialog.DialogCode.Accepted:
-            self._fill_numbers(f"{dialog.kind.currentText().lower()} draw", dialog.numbers)
+            name = f"{dialog.kind.currentText().lower()} draw"
+            self._fill_numbers(name, dialog.numbers, place)
 
     def _ask_network(self) -> None:
-        text = "Ends move up to the next shaft of a network of a straight draw.\nIts shafts:"
-        initial, accepted = QInputDialog.getInt(self._grid.window(), "Network", text, 4, 2, 64)
+        if self._grid.shown is None:
+            return
+        place, window = self._grid.target, self._grid.window()
+        text = "Threads move up to the next shaft of a network of a straight draw.\nIts shafts:"
+        initial, accepted = QInputDialog.getInt(window, "Network", text, 4, 2, 64)
         if accepted:
-            self._apply("network", partial(edits.move_to_network, initial=initial))
+            self._apply("network", partial(edits.move_to_network, initial=initial), place)
 
     def _ask_weave(self) -> None:
+        if self._grid.shown is None:
+            return
+        place, window = self._grid.target, self._grid.window()
         text = f"Name of a weave:\n{GRAMMAR}"
-        name, accepted = QInputDialog.getItem(
-            self._grid.window(), "Fill with a weave", text, _WEAVES
-        )
+        name, accepted = QInputDialog.getItem(window, "Fill with a weave", text, _WEAVES)
         if accepted:
-            self._apply(name, partial(edits.fill_with_weave, name=name))
+            self._apply(name, partial(edits.fill_with_weave, name=name), place)
 
     def _fill_color(self) -> None:
         color = self._grid.color
@@ -400,66 +408,49 @@ class DraftActions(QObject):
             steps = self._grid.number_steps(self._grid.target.panel, across, down)
             self._apply("shift", partial(edits.shift, right=steps[0], up=steps[1]))
 
-    def _threads(self, family: int | None) -> tuple[int, slice]:
+    def _threads(self, family: int | None, all_without_selection: bool = False) -> _Threads:
         """Return the family of the panel in use, and its selected ends or picks."""
-        place = self._grid.place
+        grid = self._grid
         if family is None:
-            family = 0 if place.panel in edits.END_PANELS else 1
-        return family, place.columns if family == 0 else place.rows
+            family = 0 if grid.place.panel in edits.END_PANELS else 1
+        if all_without_selection and grid.selection is None and grid.shown is not None:
+            return family, slice(0, grid.shown.size[family])
+        return family, grid.place.columns if family == 0 else grid.place.rows
 
-    def _change_threads(
-        self,
-        name: str,
-        edit: Callable[[EditableDraft, int, slice], EditableDraft],
-        family: int | None = None,
-    ) -> None:
-        place = self._grid.place
-        if self._grid.shown is None or place.panel == "tieup":
-            return
-        family, part = self._threads(family)
-        if name in ("reverse", "double") and self._grid.selection is None:
-            part = slice(0, self._grid.shown.size[family])
-        try:
-            changed = edit(self._grid.shown, family, part)
-        except SpacemapError as error:
-            self.message.emit(_sentence(error))
-        else:
-            self._grid.change(changed, f"{name} {_FAMILY_NAMES[family]}")
+    def _change_threads(self, name: str, edit: _ThreadEdit, threads: _Threads) -> None:
+        family, part = threads
+        self._change(f"{name} {_FAMILY_NAMES[family]}", lambda shown: edit(shown, family, part))
 
-    def _delete_threads(self) -> None:
-        self._change_threads("delete", edits.delete_threads)
+    def _double(self, family: int) -> None:
+        self._change_threads("double", edits.double_threads, self._threads(family, True))
+
+    def _reverse(self, family: int) -> None:
+        self._change_threads("reverse", edits.reverse_threads, self._threads(family, True))
+
+    def _delete(self, family: int | None = None) -> None:
+        self._change_threads("delete", edits.delete_threads, self._threads(family))
 
     def _ask_insert(self, family: int | None = None) -> None:
-        if self._grid.shown is None or self._grid.place.panel == "tieup":
-            return
         family, part = self._threads(family)
-        what = _FAMILY_NAMES[family]
+        what, window = _FAMILY_NAMES[family], self._grid.window()
         text = f"Number of empty {what} before {what[:-1]} {part.start + 1}:"
-        count, accepted = QInputDialog.getInt(
-            self._grid.window(), f"Insert {what}", text, 1, 1, 4096
-        )
+        count, accepted = QInputDialog.getInt(window, f"Insert {what}", text, 1, 1, 4096)
         if accepted:
-
-            def insert(shown: EditableDraft, family: int, part: slice) -> EditableDraft:
-                return edits.insert_threads(shown, family, part.start, count)
-
-            self._change_threads("insert", insert, family)
+            self._change(
+                f"insert {what}",
+                lambda shown: edits.insert_threads(shown, family, part.start, count),
+            )
 
     def _ask_repeat(self, family: int | None = None) -> None:
-        if self._grid.shown is None or self._grid.place.panel == "tieup":
-            return
-        family, part = self._threads(family)
+        family, part = self._threads(family, True)
         what = _FAMILY_NAMES[family]
-        if self._grid.selection is None:
-            part = slice(0, self._grid.shown.size[family])
         dialog = RepeatDialog(self._grid.window(), part.stop - part.start, what)
         if dialog.exec() == QDialog.DialogCode.Accepted:
             times, mirrored = dialog.times.value(), dialog.mirrored.isChecked()
-
-            def repeat(shown: EditableDraft, family: int, _: slice) -> EditableDraft:
-                return edits.repeat_threads(shown, family, part, times, mirrored)
-
-            self._change_threads("repeat", repeat, family)
+            self._change(
+                f"repeat {what}",
+                lambda shown: edits.repeat_threads(shown, family, part, times, mirrored),
+            )
 
 
 def _sentence(error: SpacemapError) -> str:

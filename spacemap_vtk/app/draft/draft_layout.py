@@ -144,7 +144,7 @@ class DraftLayout:
         room: tuple[int, int],
         offset: tuple[int, int] = (0, 0),
         as_cloth: bool = False,
-        from_back: bool = False,
+        from_reverse: bool = False,
     ) -> None:
         (ends, picks), shafts, columns = shown.size, shown.loom.shafts, shown.columns
         self.cell = cell
@@ -160,8 +160,8 @@ class DraftLayout:
             axis._replace(offset=at) for axis, at in zip((x, y), self.offset, strict=True)
         )
         x, y = self.x, self.y
-        # From the back, the cloth is turned over around the warp: its ends run the other way.
-        ends_reversed = as_cloth == from_back
+        # On its reverse, the cloth is turned over around the warp: its ends run the other way.
+        ends_reversed = as_cloth == from_reverse
         along_ends = PanelSpan(x.drawdown_begin, ends, cell, *x.clip_range, ends_reversed)
         along_picks = PanelSpan(y.drawdown_begin, picks, cell, *y.clip_range, as_cloth)
         right, end = x.after_begin + GAP, x.after_begin + GAP + columns * cell

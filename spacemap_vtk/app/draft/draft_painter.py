@@ -68,11 +68,11 @@ class DraftPainter:
         layout: DraftLayout,
         inks: DraftColors,
         colored: bool,
-        from_back: bool = False,
+        from_reverse: bool = False,
         floats: Bools | None = None,
     ) -> None:
         self._shown, self._layout, self._colors = shown, layout, inks
-        self._colored, self._from_back = colored, from_back
+        self._colored, self._from_reverse = colored, from_reverse
         #: (picks, ends), crossings of floats to mark.
         self._floats = floats
 
@@ -122,7 +122,7 @@ class DraftPainter:
         x, y = self._layout.panels["drawdown"]
         columns, rows = _visible_indices(x), _visible_indices(y)
         visible = np.ix_(rows, columns)
-        over = self._shown.drawdown[visible] != self._from_back
+        over = self._shown.drawdown[visible] != self._from_reverse
         if self._colored:
             warp, weft = self._shown.warp[columns], self._shown.weft[rows]
             cells = np.where(over[..., None], warp[None], weft[:, None])

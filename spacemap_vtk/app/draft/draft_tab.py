@@ -164,17 +164,19 @@ class DraftTab(QWidget):
         self.colors_button = tool_button("Colours", tip, checkable=True, checked=draft.colored)
         tip = "Count ends from the left and picks from the bottom; off: from the right and top"
         self.cloth_button = tool_button("As cloth", tip, checkable=True, checked=draft.as_cloth)
-        tip = "Show the back of the cloth, turned over around the warp: its ends run the other way"
-        self.back_button = tool_button("Back", tip, checkable=True)
-        for button in (self.colors_button, self.cloth_button, self.back_button):
+        tip = (
+            "Show the reverse of the cloth, turned over around the warp: its ends run the other way"
+        )
+        self.reverse_button = tool_button("Reverse", tip, checkable=True)
+        for button in (self.colors_button, self.cloth_button, self.reverse_button):
             button.toggled.connect(self._update_view)
         tip = "Drag to select cells instead of marking them (or Shift+drag)"
         self.select_button = tool_button("Select", tip, checkable=True)
         self.select_button.toggled.connect(self._set_selects)
         self._make_float_tools()
-        back = action(self, "Show the back", self.back_button.toggle, checkable=True)
-        self.back_button.toggled.connect(back.setChecked)
-        self.commands = DraftActions(draft, [back])
+        reverse = action(self, "Show the reverse", self.reverse_button.toggle, checkable=True)
+        self.reverse_button.toggled.connect(reverse.setChecked)
+        self.commands = DraftActions(draft, [reverse])
         self.edit_button = tool_button("Edit ▾", "What can be done with the selection, or all")
         self.edit_button.setMenu(self.commands.menu)
         self.edit_button.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
@@ -206,7 +208,7 @@ class DraftTab(QWidget):
         grid.addWidget(self.loom_kind, 2, 0, 1, 2)
         grid.addWidget(self.rising, 2, 2, 1, 2)
         # In rows of their own: beside the files they would widen all tabs of a narrow window.
-        views = self.colors_button, self.cloth_button, self.back_button
+        views = self.colors_button, self.cloth_button, self.reverse_button
         grid.addLayout(row(None, *views, None, spacing=2), 3, 0, 1, 4)
         sizes = self.zoom_out_button, self.zoom_in_button, self.fit_button
         editing = self.select_button, self.edit_button
@@ -375,7 +377,7 @@ class DraftTab(QWidget):
         self.grid.set_view(
             self.cloth_button.isChecked(),
             self.colors_button.isChecked(),
-            self.back_button.isChecked(),
+            self.reverse_button.isChecked(),
             (limit, limit) if self.float_box.isChecked() else None,
         )
         self._show_counts_view()
@@ -399,6 +401,6 @@ class DraftTab(QWidget):
 
     def _show_float(self, place: Selection, face: bool) -> None:
         """Select a float in the drawdown, on its face."""
-        self.back_button.setChecked(not face)
+        self.reverse_button.setChecked(not face)
         self.grid.select(place)
         self.grid.scroll_to_selection()

@@ -66,7 +66,7 @@ class DraftGrid(QAbstractScrollArea):
         self.cell = 10
         self.as_cloth = True
         self.colored = True
-        self.from_back = False
+        self.from_reverse = False
         #: Whether a drag selects cells instead of marking them.
         self.selects = False
         #: Most crossings of floats that are not marked; None: no floats are marked.
@@ -109,7 +109,7 @@ class DraftGrid(QAbstractScrollArea):
             self._viewport_size(),
             (across, down),
             self.as_cloth,
-            self.from_back,
+            self.from_reverse,
         )
 
     def show_draft(self, shown: EditableDraft | None) -> None:
@@ -192,12 +192,12 @@ class DraftGrid(QAbstractScrollArea):
         self,
         as_cloth: bool,
         colored: bool,
-        from_back: bool = False,
+        from_reverse: bool = False,
         float_limits: FloatLimits | None = None,
     ) -> None:
         """Set the orientation, whether yarns are coloured, the face, and the marked floats."""
         self.as_cloth, self.colored = as_cloth, colored
-        self.from_back, self.float_limits = from_back, float_limits
+        self.from_reverse, self.float_limits = from_reverse, float_limits
         self._floats = None
         self.repaint_all()
 
@@ -205,7 +205,7 @@ class DraftGrid(QAbstractScrollArea):
     def floats(self) -> Bools | None:
         """Crossings of floats to mark on the visible face, (picks, ends)."""
         if self._floats is None and self.float_limits is not None and self.shown is not None:
-            face = not self.from_back
+            face = not self.from_reverse
             self._floats = mark_floats(self.shown.drawdown, self.float_limits, face)
         return self._floats
 
@@ -232,8 +232,8 @@ class DraftGrid(QAbstractScrollArea):
             column = ("shaft" if lifted else "treadle") + f" {cell.x} · "
             return f"{column if panel == 'treadling' else ''}pick {cell.y} {verb} {pressed}"
         end, pick = cell.x, cell.y
-        over = shown.drawdown[pick - 1, end - 1] != self.from_back
-        side = ("over" if over else "under") + (" (back)" if self.from_back else "")
+        over = shown.drawdown[pick - 1, end - 1] != self.from_reverse
+        side = ("over" if over else "under") + (" (reverse)" if self.from_reverse else "")
         shafts = _join_numbers(loom.threading[end - 1], "–")
         marks = _join_numbers(shown.treadling[pick - 1], "–")
         return (
@@ -250,7 +250,7 @@ class DraftGrid(QAbstractScrollArea):
             painter.fillRect(self.viewport().rect(), inks.back)
             painter.end()
             return
-        look = self.colored, self.from_back, self.floats
+        look = self.colored, self.from_reverse, self.floats
         painting = DraftPainter(self.shown, layout, inks, *look)
         if self._picture is None:
             ratio = self.devicePixelRatioF()

@@ -34,7 +34,7 @@ def weave_as_drawn_in(loom: Loom) -> Loom:
 
 
 def swap_faces(loom: Loom) -> Loom:
-    """Set up a loom that weaves the same cloth with its back up.
+    """Set up a loom that weaves the same cloth with its reverse up.
 
     Parameters
     ----------
