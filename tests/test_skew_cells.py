@@ -186,7 +186,7 @@ def test_constants_of_a_mould_state_its_size_and_share() -> None:
     grown = np.cos(np.radians(20.0)) * found.size[2] / free.size[2]
     assert found.fibre_share == pytest.approx(free.fibre_share / grown, rel=1e-12)
     # The mean density is that of the shares.
-    glass, epoxy = 2540.0, 1540.0
+    glass, epoxy = 2540.0, 1300.0
     assert found.constants.density == pytest.approx(
         epoxy + found.fibre_share * (glass - epoxy), rel=2e-3
     )
