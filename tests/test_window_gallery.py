@@ -78,7 +78,7 @@ def test_starting_with_a_scene_shows_the_modes_tab(open_window: Any) -> None:
 def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
     window = open_scene(None)
     opened: list[str] = []
-    window.document.replaced.connect(lambda: opened.append(window.document.source.stem))
+    window.document.replaced.connect(lambda: opened.append(str(window.document.source)))
     pictures, left = window.gallery.list, Qt.MouseButton.LeftButton
     at = item_position(window, "twill_2_2")
     if how == "keyboard":
@@ -97,7 +97,7 @@ def test_gallery_opens_a_scene(open_scene: Any, how: str) -> None:
         if how == "double click":
             QTest.mouseDClick(pictures.viewport(), left, pos=at)
     wait_until(lambda: settled(window))
-    assert opened[0] == "twill_2_2"
+    assert opened[0].endswith("twill_2_2.toml")
     assert window.document.source.stem == "twill_2_2"
     assert window.errors.text == ""
 
@@ -113,6 +113,18 @@ def test_opening_a_scene_asks_about_unsaved_changes(
     QTest.mouseClick(window.gallery.list.viewport(), Qt.MouseButton.LeftButton, pos=at)
     assert window.document.source.stem == "plain_weave"
     assert window.document.scene.source.ends == 5
+
+
+def test_new_fabric_is_drawn_without_warnings(open_scene: Any) -> None:
+    window = open_scene()
+    window.document.history.setClean()
+    QTest.mouseClick(window.gallery.new_button, Qt.MouseButton.LeftButton)
+    wait_until(lambda: settled(window) and window.document.source is None)
+    assert "facets" in window.status_text.full_text
+    assert "⚠" not in window.status_text.full_text
+    window.document.set_many("weave", {"ends": 12, "picks": 12})
+    wait_until(lambda: settled(window))
+    assert "⚠" not in window.status_text.full_text
 
 
 def shown_scenes(window: Any) -> list[str]:

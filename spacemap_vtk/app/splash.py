@@ -35,8 +35,9 @@ class Splash:
         self.label: QLabel | None = label
 
     def close_after_first_frame(self, window: Any) -> None:
-        """Close when the window has drawn its first picture, or has failed to."""
-        for signal in (window.director.drawn, window.director.failed, window.engine.cancelled):
+        """Close when the window shows a thumbnail or its first picture, or has failed to."""
+        shown = window.view.preview.painted, window.director.drawn
+        for signal in (*shown, window.director.failed, window.engine.cancelled):
             signal.connect(self.close)
 
     def close(self, *_: Any) -> None:

@@ -98,7 +98,9 @@ class Document(QObject):
     def new(self) -> None:
         """Start a new scene: a plain weave that hangs from its top edge."""
         self.file = self.source = None
-        self._replace('title = "New fabric"\n\n[weave]\n\n[cage]\n\n[modal]\n\n[response]\n')
+        # A sheet bends like cloth; a thin cage of tetrahedra would be too stiff, and be warned of.
+        sections = "[weave]", "[cage]", '[modal]\nelements = "sheet"', "[response]"
+        self._replace("\n\n".join(['title = "New fabric"', *sections]) + "\n")
 
     def save(self, path: Path | None = None, time: float | None = None) -> list[str]:
         """Save the scene with its comments, or its draft; return what the file cannot store."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QObject, QRect, QSize, Qt
+from PySide6.QtCore import QEvent, QObject, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import QWidget
 
@@ -19,6 +19,9 @@ _MARGIN = 0.06
 
 class Preview(QWidget):
     """Cover the view with a thumbnail that lets mouse events through."""
+
+    #: The thumbnail has been painted.
+    painted = Signal()
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -65,6 +68,7 @@ class Preview(QWidget):
         place = QRect(area.topLeft(), size)
         place.moveCenter(area.center())
         painter.drawPixmap(place, self._picture)
+        self.painted.emit()
         if self._has_caption:
             below = QRect(area.left(), place.bottom(), area.width(), line)
             painter.setPen(QColor("#66717e"))
