@@ -63,6 +63,7 @@ from spacemap_vtk.filters.cage_state import copy_state
 from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.laboratory import COTTON
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
+from spacemap_vtk.scenes.presets import PRESETS
 from spacemap_vtk.scenes.report import describe_motion, summarise_motion
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import View
@@ -144,6 +145,15 @@ class MainWindow(QMainWindow):
         self.tabs.addTab(self.plan, "Plan")
         self.files = FileCommands(self, self.document, self.errors, self.times)
         self.exports = Exports(self, self.document, self.times, self.view)
+        self.presets = {
+            name: action(
+                self,
+                preset.label,
+                lambda _=False, name=name: self.apply_preset(name),
+                tip=preset.help,
+            )
+            for name, preset in PRESETS.items()
+        }
         self._lay_out()
         self.menus = Menus(
             self,
@@ -155,6 +165,7 @@ class MainWindow(QMainWindow):
             self.view,
             self.properties,
             self.panels.values(),
+            self.presets.values(),
         )
         self.draft.commands.add_to(self.menuBar(), self.menus.time.menuAction())
         parts = Parts(
@@ -373,6 +384,7 @@ class MainWindow(QMainWindow):
         self.view.obstacles.chosen.connect(self._choose_obstacle)
         for signal in (self.document.changed, self.document.replaced):
             signal.connect(self._show_view_settings)
+            signal.connect(self._show_presets)
         self.document.replaced.connect(self._clear_status)
         self.files.recent_changed.connect(self.gallery.show_recent)
         self.files.recent_changed.connect(self._set_title)
@@ -380,6 +392,7 @@ class MainWindow(QMainWindow):
         # As a temporary message: the next frame would replace the text about the view.
         self.exports.written.connect(lambda file: self._show_message(f"Saved: {file}"))
         self.exports.copied.connect(self._show_message)
+        self.gallery.show_presets(self.presets.values())
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
 
@@ -490,6 +503,25 @@ class MainWindow(QMainWindow):
         written = {**self._hanging_values, "fixed": "", "start": state}
         self.view.fits_change = True  # the cage may fall far
         self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
+
+    def apply_preset(self, preset: str) -> None:
+        """Let the cloth hang, drape, drop or swing, and state what was assumed."""
+        notes: list[str] = []
+
+        def change() -> None:
+            notes.extend(self.document.apply_preset(preset))
+
+        self.view.fits_change = self.view.aims_change = True
+        self._try_change(change)
+        if notes:
+            text = ". ".join(note[0].upper() + note[1:] for note in notes)
+            self._show_message(f"{text}.")
+
+    def _show_presets(self) -> None:
+        """Enable presets for a textile."""
+        textile = self.document.scene.textile is not None
+        for act in self.presets.values():
+            act.setEnabled(textile)
 
     @property
     def _hanging_values(self) -> dict[str, Any]:

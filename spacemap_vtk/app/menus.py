@@ -52,6 +52,7 @@ class Menus(QObject):
         view: View3D,
         properties: Properties,
         panels: Iterable[QAction],
+        presets: Iterable[QAction],
     ) -> None:
         super().__init__(window)
         self._properties = properties
@@ -111,6 +112,11 @@ class Menus(QObject):
         fine.setToolTip("Draw the picture as for a file, with the size of the last export")
         self._add_action(menu, "Copy as command line", None, lambda: self._copy(as_command))
         self._add_action(menu, "Copy as Python script", None, lambda: self._copy(as_script))
+        self.cloth = menu = self._add_menu("&Cloth")
+        menu.setToolTipsVisible(True)
+        for preset in presets:
+            menu.addAction(preset)
+            self.actions[f"Cloth: {preset.text()}"] = preset
         self.time = menu = self._add_menu("&Time")
         self._add_action(menu, "Play or pause", "Space", times.play.click)
         self._add_action(menu, "Go to start", "Home", times.go_to_start)

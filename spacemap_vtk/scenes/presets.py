@@ -26,7 +26,7 @@ from spacemap_vtk.filters.weave_parameters import parameter_name
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.io.formats.toml import format_scene
-from spacemap_vtk.io.output import atomic_file
+from spacemap_vtk.io.output import atomic_file, check_output
 from spacemap_vtk.mechanics.elements.plates import data_sheet
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
@@ -44,8 +44,8 @@ _SHEAR = "60 N/m"
 _STEEL = 200e9
 #: Side of the cloth over its bending length, unless its size is given.
 _SIDE = {"hang": 14.0, "drape": 14.0, "drop": 11.0, "swing": 10.0}
-#: Width of a cell over the bending length.
-_CELL = 0.57
+#: Width of a cell over the bending length: sufficient for pictures, within seconds.
+_CELL = 0.7
 #: Most cells; more take minutes.
 _MOST_CELLS = 1200
 #: Fewest cells along the longer side, unless these are narrower than the cloth is thick.
@@ -86,10 +86,12 @@ _CURE = '; choose others with --yarn "8/2 cotton" (see "spacemap yarns")'
 
 #: The presets by name.
 PRESETS = {
-    "hang": Preset("Hang", "Hang the cloth as a curtain, drawn together on a rail."),
-    "drape": Preset("Drape", "Lay the cloth on a round table, over which it hangs in folds."),
-    "drop": Preset("Drop", "Let the cloth fall onto a ball; a film shows how it lands."),
-    "swing": Preset("Swing", "Hold the cloth level by two edges, and let go of one."),
+    "hang": Preset("Hang as curtain", "Hang the cloth as a curtain, drawn together on a rail."),
+    "drape": Preset(
+        "Drape over table", "Lay the cloth on a round table, over which it hangs in folds."
+    ),
+    "drop": Preset("Drop onto ball", "Let the cloth fall onto a ball; a film shows how it lands."),
+    "swing": Preset("Swing from edge", "Hold the cloth level by two edges, and let go of one."),
 }
 
 
@@ -214,7 +216,7 @@ def make_plan(
     prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
     sides = tuple(np.broadcast_to(size, 2).tolist()) if size is not None else None
     sheet = prepare(plan, scene, _SIDE[preset], yarn, sides)
-    values["title"] = f"{scene.title}: {PRESETS[preset].label.lower()}"
+    values["title"] = f"{scene.title or 'Cloth'}: {PRESETS[preset].label.lower()}"
     _MAKERS[preset](values, sheet)
     values["warp"] = {"smooth": True}
     values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
@@ -231,11 +233,27 @@ def write_scene(scene: Scene, file: Path) -> None:
     file : Path
         A ``.toml`` file; paths of other files are relative to its folder.
     """
-    values = scene_values(scene, file.resolve().parent)
-    remarks = {(s, k): text for (s, k), text in _REMARKS.items() if k in values.get(s, {})}
-    text = format_scene(values, "Saved by spacemap.", remarks)
+    check_output(file, (".toml",))
+    text = format_preset(scene_values(scene, file.resolve().parent))
     with atomic_file(file) as path:
         path.write_text(text, encoding="utf-8")
+
+
+def format_preset(values: Mapping[str, Any]) -> str:
+    """Return the text of a scene file with comments on the keys that presets set.
+
+    Parameters
+    ----------
+    values : mapping
+        Values as in a scene file.
+
+    Returns
+    -------
+    str
+        TOML.
+    """
+    title = str(values.get("title", "cloth"))
+    return format_scene(values, f"{title}. All lengths follow from the bending length.", _REMARKS)
 
 
 def _prepare_weave(
@@ -434,7 +452,8 @@ def _rounded(value: float, unit: str) -> str:
 
 def _lengths(*values: float) -> list[Any]:
     """Format lengths [m] as in a scene file."""
-    return [_rounded(value, "m") if value else 0.0 for value in values]
+    # With more digits than sizes, as supports must meet vertices of the cage.
+    return [format_quantity(value, "m", 6) if value else 0.0 for value in values]
 
 
 def _length(value: float) -> str:
@@ -635,7 +654,7 @@ _MAKERS: dict[str, Callable[[dict[str, Any], _Sheet], None]] = {
 
 #: Comments on keys of scenes that presets make.
 _REMARKS = {
-    ("cage", "divisions"): "cells about half as wide as the bending length",
+    ("cage", "divisions"): "cells as wide as 0.7 bending lengths; finer ones take longer",
     ("modal", "material"): "stiffness from [yarns]",
     ("modal", "law"): "stress is the stiffness of the yarns times the strain",
     ("modal", "gravity"): "the motion starts from the equilibrium under it",

@@ -21,9 +21,10 @@ from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import atomic_file, atomic_files, check_output, write_parts
 from spacemap_vtk.parameters import FilePath
-from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes import library, presets
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.pipeline import choose_stages, is_compatible, stage_title, switch_section
+from spacemap_vtk.scenes.presets import PRESETS
 from spacemap_vtk.scenes.scene import Scene
 
 #: Lists with more values are written one value per line.
@@ -324,6 +325,16 @@ class Document(QObject):
             table = self._off[former][0]
             for key in new.parameters.keys() & old.parameters.keys():
                 self._write_value(section, key, table.get(key))
+
+    def apply_preset(self, preset: str) -> list[str]:
+        """Make cloth in motion of the scene's textile, in one undo step; return the assumptions."""
+        plan = presets.make_plan(self.scene, preset)
+
+        def change() -> None:
+            self._parse(presets.format_preset(plan.values))
+
+        self._change(change, PRESETS[preset].label.lower())
+        return plan.notes
 
     def was_switched_off(self, section: str) -> bool:
         """Return whether a stage was on before and is now off."""

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPixmap, QResizeEvent, QShowEvent
+from PySide6.QtGui import (
+    QAction,
+    QColor,
+    QIcon,
+    QKeyEvent,
+    QPainter,
+    QPixmap,
+    QResizeEvent,
+    QShowEvent,
+)
 from PySide6.QtWidgets import (
     QFrame,
     QLabel,
@@ -14,11 +24,12 @@ from PySide6.QtWidgets import (
     QListWidget,
     QListWidgetItem,
     QPushButton,
+    QToolButton,
     QWidget,
 )
 
 from spacemap_vtk.app.documents.file_thumbnails import thumbnail_of
-from spacemap_vtk.app.widgets import column, note, row
+from spacemap_vtk.app.widgets import column, note, row, tool_button
 from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.scenes import library
 
@@ -73,6 +84,16 @@ class Gallery(QWidget):
             margins=(12, 10, 8, 8),
         )
         self._has_icons = False
+
+    def show_presets(self, presets: Iterable[QAction]) -> None:
+        """Add a button for each preset of motion, above the scenes."""
+        buttons: list[QToolButton] = []
+        for preset in presets:
+            buttons.append(tool_button(preset.text()))
+            buttons[-1].setDefaultAction(preset)
+        half = (len(buttons) + 1) // 2
+        self.layout().insertLayout(3, row(None, *buttons[:half], None))
+        self.layout().insertLayout(4, row(None, *buttons[half:], None))
 
     def showEvent(self, event: QShowEvent) -> None:
         """Load the thumbnails when the tab is first shown."""

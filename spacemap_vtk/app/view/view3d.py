@@ -147,6 +147,8 @@ class View3D(QWidget):
         self._source_state: tuple[object, float] = None, 0.0
         #: Whether the whole scene is to be in view after the next change of its values.
         self.fits_change = False
+        #: Whether the camera is then where the scene has it, too.
+        self.aims_change = False
         #: Values of the last drawn scene.
         self._drawn_values: dict[str, Any] | None = None
         #: State for which the camera was aimed: fraction of the width for the colour scale, whether
@@ -372,8 +374,8 @@ class View3D(QWidget):
                 self._aim_again()
         if frame.values != self._drawn_values and (self.fits_change or self._is_out_of_view):
             # A change of the scene may have moved everything out of the view.
-            self.reset_camera(None)
-            self.fits_change = False
+            self.reset_camera(aim_of(view) if self.aims_change else None)
+            self.fits_change = self.aims_change = False
         self._drawn_values = frame.values
         if render:
             self.render()
