@@ -5,8 +5,9 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import import_module
+from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, qInstallMessageHandler
 from PySide6.QtGui import QOpenGLContext
@@ -19,8 +20,12 @@ from spacemap_vtk.errors import MissingLibraryError
 from spacemap_vtk.temporary_files import END_SIGNALS
 
 
-def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None = None) -> None:
-    """Open the window and return when it is closed."""
+def launch(
+    scene: str | None,
+    on_created: Callable[[MainWindow], object] | None = None,
+    preset: Mapping[str, Any] | None = None,
+) -> None:
+    """Open the window and return when it is closed; `preset` is what `apply_preset` receives."""
     app = create_application()
     if app.platformName() == "xcb":
         _require_opengl()
@@ -32,6 +37,8 @@ def launch(scene: str | None, on_created: Callable[[MainWindow], object] | None 
         on_created(window)
     try:
         window.start(scene)
+        if preset is not None:
+            window.apply_preset(**preset)
     except BaseException:
         # The engine's thread is running. Qt aborts the process if it exits with that thread alive.
         window.discard()

@@ -504,12 +504,12 @@ class MainWindow(QMainWindow):
         self.view.fits_change = True  # the cage may fall far
         self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
 
-    def apply_preset(self, preset: str) -> None:
+    def apply_preset(self, preset: str, **options: Any) -> None:
         """Let the cloth hang, drape, drop or swing, and state what was assumed."""
         notes: list[str] = []
 
         def change() -> None:
-            notes.extend(self.document.apply_preset(preset))
+            notes.extend(self.document.apply_preset(preset, **options))
 
         self.view.fits_change = self.view.aims_change = True
         self._try_change(change)

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import (
     Errors,
     Json,
+    Motion,
     Quiet,
     SceneFile,
     Set,
@@ -45,6 +46,7 @@ def modes(
         ),
     ] = None,
     errors: Errors = None,
+    motion: Motion | None = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
@@ -65,7 +67,7 @@ def modes(
         spacemap modes plain_weave --set modal.modes=20 --plot modes.png
     """
     sheet = None if plot is None else ShapesJob(plot)
-    chosen = open_scene(scene, set_)
+    chosen = open_scene(scene, set_, motion)
     from spacemap_vtk.scenes import report
     from spacemap_vtk.scenes.figure_list import (
         contact_figures,

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from spacemap_vtk.filters.base import Stage
     from spacemap_vtk.jobs.job import Job
+    from spacemap_vtk.scenes.presets import Plan
     from spacemap_vtk.scenes.scene import Scene
 
 
@@ -249,6 +250,17 @@ class Motion:
                     "by --set weave.ends=….",
                 )
         return names[0] if names else None
+
+    @property
+    def planner(self) -> Callable[[Scene], Plan] | None:
+        """Function that plans the chosen preset for a scene; None without one."""
+        preset = self.preset
+        if preset is None:
+            return None
+        from spacemap_vtk.scenes.presets import make_plan
+
+        size = self.size
+        return lambda scene: make_plan(scene, preset, yarn=self.yarn, size=size)
 
     @property
     def size(self) -> tuple[float, ...] | None:

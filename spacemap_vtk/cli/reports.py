@@ -15,6 +15,7 @@ from spacemap_vtk.cli import completers
 from spacemap_vtk.cli.options import (
     Errors,
     Json,
+    Motion,
     Quiet,
     SceneName,
     Set,
@@ -58,6 +59,7 @@ def info(
         ),
     ] = None,
     errors: Errors = None,
+    motion: Motion | None = None,
     set_: Set = (),
     json_: Json = False,
     quiet: Quiet = False,
@@ -79,7 +81,7 @@ def info(
     """
     if _print_record(Path(scene), json_):
         return
-    chosen = open_scene(scene, set_, time=time)
+    chosen = open_scene(scene, set_, motion, time=time)
     if chosen.woven is None:
         _print_object(chosen, json_, quiet)
         return

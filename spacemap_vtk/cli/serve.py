@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from spacemap_vtk.cli import completers
-from spacemap_vtk.cli.options import Set
+from spacemap_vtk.cli.options import Motion, Set, open_scene
 
 
 def serve(
@@ -20,6 +20,7 @@ def serve(
     ] = "plain_weave",
     /,
     *,
+    motion: Motion | None = None,
     set_: Set = (),
     port: Annotated[int, Parameter(help="Port to listen on; 0: any free port.")] = 0,
     host: Annotated[
@@ -46,4 +47,6 @@ def serve(
         if browser:
             server.open_browser(once)
 
-    server.serve(scene, set_, host, port, show)
+    if motion is not None and motion.save_scene is not None:
+        open_scene(scene, set_, motion)
+    server.serve(scene, set_, host, port, show, None if motion is None else motion.planner)

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from spacemap_vtk.app.requirements import require_window
 from spacemap_vtk.cli import completers
+from spacemap_vtk.cli.options import Motion
 from spacemap_vtk.scenes import library
 
 
@@ -21,6 +22,8 @@ def gui(
         ),
     ] = None,
     /,
+    *,
+    motion: Motion | None = None,
 ) -> None:
     """Open the window, to see a scene move and to change it.
 
@@ -28,9 +31,13 @@ def gui(
 
         spacemap gui
         spacemap gui cloth.wif
+        spacemap gui cloth.wif --drape
     """
     if scene is not None:
         library.find(scene)
+    preset = None
+    if motion is not None and (name := motion.preset) is not None:
+        preset = {"preset": name, "yarn": motion.yarn, "size": motion.size}
     require_window()
     # Imports leave no garbage: collecting it, now or while a slider is dragged, only takes time.
     gc.disable()
@@ -46,4 +53,4 @@ def gui(
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     gc.enable()
-    launch(scene, splash.close_after_first_frame)
+    launch(scene, splash.close_after_first_frame, preset)

@@ -535,6 +535,8 @@ def yarn_tables(units: str) -> list[PlanTable]:
                 f"{1e3 / yarn.diameters_per_metre:.2f}",
                 _usual_sett(entry, units, unit=False),
                 Quantity(entry.package, "mass").text(units),
+                f"{yarn.tension:.0f}",
+                f"{1e9 * yarn.bending:.3g}",
             )
         )
         sources.append((name, entry.source or "by definition of the count"))
@@ -542,12 +544,23 @@ def yarn_tables(units: str) -> list[PlanTable]:
         (name, each.system, f"{each.density:.0f}", f"{each.packing:.2f}")
         for name, each in MATERIALS.items()
     ]
-    sources += [(name, each.source) for name, each in MATERIALS.items()]
+    sources += [
+        (name, f"{each.source}; stiffness: {each.fibre.source}") for name, each in MATERIALS.items()
+    ]
     sett = Quantity(1.0, "sett").unit(units)
     return [
         PlanTable(
             "Yarns",
-            ("yarn", "tex", length, "d [mm]", f"usual sett [{sett}]", "package"),
+            (
+                "yarn",
+                "tex",
+                length,
+                "d [mm]",
+                f"usual sett [{sett}]",
+                "package",
+                "EA [N]",
+                "B [mN mm²]",
+            ),
             yarns,
         ),
         PlanTable(

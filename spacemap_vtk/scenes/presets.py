@@ -55,9 +55,11 @@ _STEPPED_CELLS = 256
 #: Most Bézier patches of a knit or another textile, whose yarns are all drawn.
 _MOST_PATCHES = 250_000
 #: Distance of the rings of a curtain over the bending length, if it is flat.
-_RING = 2.4
+_RING = 2.8
+#: Fewest cells across a pleat.
+_CELLS_OF_PLEAT = 6
 #: Share by which a curtain is drawn together.
-_CLOSER = 0.25
+_CLOSER = 0.22
 #: Force that pushes each pleat to its side, over the weight of the cloth.
 _PUSH = 0.01
 #: Stiffness of the springs that hold its rings, over the weight of a unit width [1/m].
@@ -269,6 +271,8 @@ def _prepare_weave(
     known = {"tension", "modulus"} & yarns.keys() and "bending" in yarns
     if not known:
         yarns |= _yarns_of_weave(plan, source)
+    if not {"contact", "van_wyk", "contact_curve", "flattest"} & yarns.keys():
+        yarns["flattest"] = 1.0  # crossings are hard, as nothing else is known
     values["yarns"] = yarns
     values["modal"] = {"elements": "sheet"}
     cloth = source.cloth
@@ -339,7 +343,7 @@ def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
         moduli.append(f"{fibre.yarn_modulus / 1e4:.3g} cN/tex")
         bending.append(_rounded(fibre.bending(mean), "N.m2"))
         size = "" if named else " (thickness assumed)" * (cloth.threads[family].size == "assumed")
-        words.append(name or f"{_MATERIAL} of {mean * 1e6:.3g} tex{size}")
+        words.append(name or f"{_MATERIAL} of {mean * 1e6:.4g} tex{size}")
     both = f"of {words[0]}" if words[0] == words[1] else f"of {words[0]} and {words[1]}"
     chosen = any(getattr(source, parameter_name("yarn", family)) for family in (0, 1))
     cure = "" if chosen else _CURE
@@ -348,7 +352,6 @@ def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
         "inextensible": False,
         "modulus": moduli[0] if moduli[0] == moduli[1] else moduli,
         "bending": bending[0] if bending[0] == bending[1] else bending,
-        "flattest": 1.0,
     }
 
 
@@ -440,7 +443,7 @@ def _yarns_of_textile(plan: Plan, source: TextileSource, yarn: str | None) -> di
         tension, bending = material.fibre.yarn_modulus * mass, material.fibre.bending(mass)
         if yarn is None:
             plan.notes.append(
-                f"the yarns are taken to be {_MATERIAL} of {mass * 1e6:.3g} tex{_CURE}"
+                f"the yarns are taken to be {_MATERIAL} of {mass * 1e6:.4g} tex{_CURE}"
             )
     return {"tension": _rounded(tension, "N"), "bending": _rounded(bending, "N.m2")}
 
@@ -466,14 +469,14 @@ def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
     # share of its distance. Forces are divided between both faces, because at one of them they
     # would turn it; only one face is held along z, so that pleats turn about the rings.
     width, height = map(float, sheet.sides)
-    modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 40}
+    modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 50}
     cells = sheet.cells()
     pleats = 2 * round(0.5 * width / (_RING * sheet.bending_length))
     if pleats < 2:
         modal["fixed"] = "+y"
     else:
-        across = pleats * max(4, round(cells[0] / pleats))
-        cells = [across, max(3, round(across * height / width * 0.8)), 1]
+        across = pleats * max(_CELLS_OF_PLEAT, round(cells[0] / pleats))
+        cells = [across, max(3, round(across * height / width * 0.6)), 1]
         spring, push = (
             share * sheet.weight * height * length
             for share, length in ((_PULL, 1.0), (_PUSH, width))

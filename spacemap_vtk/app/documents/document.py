@@ -326,9 +326,9 @@ class Document(QObject):
             for key in new.parameters.keys() & old.parameters.keys():
                 self._write_value(section, key, table.get(key))
 
-    def apply_preset(self, preset: str) -> list[str]:
+    def apply_preset(self, preset: str, **options: Any) -> list[str]:
         """Make cloth in motion of the scene's textile, in one undo step; return the assumptions."""
-        plan = presets.make_plan(self.scene, preset)
+        plan = presets.make_plan(self.scene, preset, **options)
 
         def change() -> None:
             self._parse(presets.format_preset(plan.values))

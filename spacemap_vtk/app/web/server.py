@@ -28,6 +28,8 @@ from urllib.parse import urlsplit
 from spacemap_vtk.app.requirements import require_packages
 from spacemap_vtk.app.web.session import TIME_STEPS, Session
 from spacemap_vtk.errors import InputError
+from spacemap_vtk.scenes.presets import Plan
+from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.temporary_files import END_SIGNALS
 
 #: Packages of the extra ``[web]``, by their import names.
@@ -51,12 +53,13 @@ def serve(
     host: str,
     port: int,
     on_ready: Callable[[str, str], object],
+    preset: Callable[[Scene], Plan] | None = None,
 ) -> None:
     """Serve a scene until Ctrl-C; `on_ready` receives the address and a one-time address."""
     require_local(host)
     require_free_port(host, port)
     require_packages("the page in a browser", PACKAGES, "web")
-    asyncio.run(_serve(name, assignments, host, port, on_ready))
+    asyncio.run(_serve(name, assignments, host, port, on_ready, preset))
 
 
 def require_local(host: str) -> None:
@@ -78,6 +81,7 @@ async def _serve(
     host: str,
     port: int,
     on_ready: Callable[[str, str], object],
+    preset: Callable[[Scene], Plan] | None,
 ) -> None:
     from trame.app import get_server
 
@@ -87,7 +91,7 @@ async def _serve(
     # must not contain the token.
     tickets = [secrets.token_hex(16)]
     server: Any = get_server("spacemap", client_type="vue3")
-    session = Session(name, assignments, server.state)
+    session = Session(name, assignments, server.state, preset)
     try:
         _set_up_page(server, session, token)
         server.controller.on_server_bind.add(
@@ -136,7 +140,7 @@ def _set_up_page(server: Any, session: Session, token: str) -> None:
     state.time_steps = TIME_STEPS
     for name in (
         *("set", "switch", "slide", "reset", "color", "seek", "go", "play", "cancel"),
-        *("resize", "aim", "steer"),
+        *("resize", "aim", "steer", "preset"),
     ):
         server.trigger(name)(getattr(session, name))
 

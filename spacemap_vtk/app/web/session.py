@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from spacemap_vtk.scenes.assignments import parse_value, split_assignment
 from spacemap_vtk.scenes.cameras import CAMERAS
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
+from spacemap_vtk.scenes.presets import PRESETS, Plan, make_plan
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.units import format_quantity
@@ -44,13 +45,24 @@ class Session:
     # Everything belongs to the thread of the server's event loop, except the running pipeline and
     # the progress that it reports.
 
-    def __init__(self, name: str, assignments: Sequence[str], state: Any) -> None:
+    def __init__(
+        self,
+        name: str,
+        assignments: Sequence[str],
+        state: Any,
+        preset: Callable[[Scene], Plan] | None = None,
+    ) -> None:
         scene = Scene.read(name)
         self._values = library.values_of(library.find(name), str(library.find(name).name))
         for assignment in assignments:
             scene.set(assignment)  # gives the error messages of the command line
             section, key, text = split_assignment(assignment)
             self._values = _with_value(self._values, section, key, parse_value(text))
+        if preset is not None:
+            self._values = preset(scene).values
+            for assignment in assignments:  # explicit values replace those of the preset
+                section, key, text = split_assignment(assignment)
+                self._values = _with_value(self._values, section, key, parse_value(text))
         self.base: Path | None = scene.file
         self._origin_warnings = list(describe_outside_files(scene))
         self.scene = Scene(self._values, self.base)
@@ -62,11 +74,16 @@ class Session:
         self._begun: tuple[float, FrameRequest] | None = None
         self._requested, self.fetched = asyncio.Event(), asyncio.Event()
         self._time, self._clock = self.scene.view.time, 0.0
+        #: Where the camera goes once the next frame is shown; None: it stays.
+        self._aim_at: str | None = None
         self._rest: asyncio.TimerHandle | None = None
         #: Whether the run only follows a camera move, and whether the user has cancelled the run.
         self._follows_camera = self._is_cancelled = False
         state.title, state.playing, state.picture = self.scene.title, False, 0
         state.work, state.failure, state.warnings = None, "", []
+        state.presets = [
+            {"name": n, "label": each.label, "help": each.help} for n, each in PRESETS.items()
+        ]
         state.cameras = [{"name": n, "label": n.capitalize()} for n in CAMERAS if n != "side"]
         self._send_state()
         self.request_frame()
@@ -92,6 +109,22 @@ class Session:
         """Reset a value to its default."""
         if key in self.rows:
             self._set_value(key, None)
+
+    def preset(self, name: str) -> None:
+        """Let the cloth hang, drape, drop or swing."""
+        if name not in PRESETS:
+            return
+        try:
+            plan = make_plan(self.scene, name)
+            self.scene, self._values = Scene(plan.values, self.base), plan.values
+        except SpacemapError as error:
+            self.state.failure = str(error)
+            return
+        self.state.failure, self.state.title = "", self.scene.title
+        self._time = self.scene.view.time
+        self._aim_at = self.scene.view.camera
+        self.request_frame()
+        self._send_state()
 
     def color(self, name: str) -> None:
         """Set the colouring."""
@@ -203,6 +236,9 @@ class Session:
             try:
                 frame = run.result()
                 self.screen.show_frame(frame, self.scene.view)
+                if self._aim_at is not None:
+                    self.screen.aim(self._aim_at)
+                    self._aim_at = None
             except Cancelled:
                 if self._is_cancelled:
                     old = "" if self.screen.frame is None else "; the picture shows former values"

@@ -1,0 +1,228 @@
+"""Presets of motion: from any draft or textile to cloth that hangs, lies, falls or swings."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from spacemap_vtk.cli.main import main
+from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.io.formats.toml import parse_toml
+from spacemap_vtk.scenes import library
+from spacemap_vtk.scenes.presets import PRESETS, apply, make_plan, write_scene
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.weave.yarn_library import (
+    COHESION,
+    MATERIALS,
+    YARN_MODULUS,
+    YARNS,
+    parse_yarn,
+)
+
+DRAFTS = library.folder() / "drafts"
+TWILL = DRAFTS / "twill_2_2.wif"
+
+
+def state(scene: Scene, time: float | None = None) -> Any:
+    """Return the displacement of the cage at a time."""
+    scene.update_stage(scene.cage_stage, time)
+    return vtk_to_numpy(scene.deformed_cage.GetPointData().GetArray("displacement"))
+
+
+# Initial moduli [N/tex] of Morton and Hearle (2008), table 13.1: Upper cotton, flax, crossbred wool
+# 56s, silk, Fibro; specific flexural rigidities [mN mm2/tex2] of table 17.1, where it has them.
+@pytest.mark.parametrize(
+    ("material", "modulus", "rigidity"),
+    [
+        ("cotton", 5.0, None),
+        ("linen", 18.0, None),
+        ("wool", 2.1, 0.20),
+        ("worsted", 2.1, 0.20),
+        ("silk", 7.3, 0.19),
+        ("rayon", 6.5, 0.19),
+    ],
+)
+def test_fibres_have_the_published_stiffness(
+    material: str, modulus: float, rigidity: float | None
+) -> None:
+    fibre = MATERIALS[material].fibre
+    assert fibre.modulus == pytest.approx(1e6 * modulus)
+    if rigidity is None:  # (1/4π) η E/ρ in N/tex, g/cm3: with η = 0.74 as viscose, or 1
+        density = MATERIALS[material].density
+        shape = 0.74 if material == "cotton" else 1.0
+        rigidity = shape * modulus / (4 * math.pi * density / 1000)
+    assert fibre.rigidity == pytest.approx(1e3 * rigidity, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", YARNS)
+def test_a_yarn_bends_as_its_fibres_side_by_side(name: str) -> None:
+    yarn = parse_yarn(name)
+    fibre = yarn.material.fibre
+    fibres = yarn.linear_density / fibre.linear_density
+    free = fibres * fibre.rigidity * fibre.linear_density**2
+    assert yarn.bending == pytest.approx(COHESION * free)
+    assert yarn.tension == pytest.approx(YARN_MODULUS * fibre.modulus * yarn.linear_density)
+    # Between fibres that slide freely and fibres that do not slide at all.
+    assert free < yarn.bending < fibres * free
+
+
+def test_spun_cotton_of_30_tex_is_that_of_the_scene_yarn_to_cloth() -> None:
+    yarn = parse_yarn("30 tex cotton")
+    assert yarn.tension == pytest.approx(90.0)
+    assert yarn.bending == pytest.approx(2e-9, rel=0.05)  # N m2
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_each_preset_makes_a_scene_of_a_tiny_draft(preset: str, tmp_path: Path) -> None:
+    scene = apply(TWILL, preset)
+    scene.check()
+    assert scene.modal.material == "yarns"
+    assert scene.modal.elements == "sheet"
+    width, _, thickness = scene.woven.extent
+    # A repeat of 16 by 16 yarns, 8 mm, would not bend.
+    assert width > 0.1
+    assert scene.woven.cloth.size[0] % 16 == 0
+    assert scene.cage.divisions[2] == 1
+    assert width / scene.cage.divisions[0] > thickness
+    stage = scene.stage("mover")
+    assert (stage.section == "transient") == (preset in ("drop", "swing"))
+    saved = tmp_path / "saved.toml"
+    write_scene(scene, saved)
+    again = Scene.read(saved)
+    assert again.given_sections == scene.given_sections
+    for section, settings in scene.settings.items():
+        for key, value in settings.items():
+            found = again.settings[section][key]
+            if key == "draft":
+                found, value = found.resolve(), value.resolve()
+            assert found == value or str(found) == str(value), (section, key)
+    assert saved.read_text().count(" # ") > 3
+
+
+def test_a_cloth_drapes_under_its_own_weight_and_lies_on_the_table() -> None:
+    scene = apply(TWILL, "drape", size=[0.12])
+    scene.assign("cage", "divisions", [8, 8, 1])
+    moved = state(scene, 0.0)
+    points = points_of(scene.modal.output)
+    disc = scene.modal.obstacles[0]
+    away = np.hypot(*points[:, :2].T)
+    on_table = away < 0.6 * disc.radius
+    corners = away > 0.98 * away.max()
+    assert abs(moved[on_table, 2]).max() < 2e-3
+    overhang = away.max() - disc.radius
+    assert (moved[corners, 2] < -0.3 * overhang).all()
+    weight = scene.modal.output.GetFieldData().GetArray("areal_mass").GetValue(0) * 9.80665
+    force = scene.modal.output.GetFieldData().GetArray("reaction_force")
+    total = vtk_to_numpy(force).reshape(-1, 3)[:, 2].sum()
+    area = float(np.prod(scene.woven.extent[:2]))
+    assert total == pytest.approx(weight * area, rel=0.02)
+
+
+def test_the_same_scene_from_its_file_moves_in_the_same_way(tmp_path: Path) -> None:
+    scene = apply(TWILL, "swing", size=[0.08])
+    scene.assign("cage", "divisions", [4, 6, 1])
+    write_scene(scene, tmp_path / "swing.toml")
+    again = Scene.read(tmp_path / "swing.toml")
+    np.testing.assert_allclose(state(again, 0.1), state(scene, 0.1), rtol=0, atol=1e-12)
+
+
+def test_explicit_values_and_options_replace_those_of_the_preset(tmp_path: Path) -> None:
+    from spacemap_vtk.cli.options import Motion, open_scene
+
+    motion = Motion(
+        drape=True, yarn="8/2 cotton", cloth_size="20x30cm", save_scene=tmp_path / "x.toml"
+    )
+    scene = open_scene(str(TWILL), ["cage.divisions=[3,4,1]", "view.camera=face"], motion)
+    assert scene.cage.divisions == (3, 4, 1)
+    assert scene.view.camera == "face"
+    width, height = scene.woven.extent[:2]
+    assert width == pytest.approx(0.20, abs=0.003)
+    assert height == pytest.approx(0.30, abs=0.003)
+    # 8/2 cotton at its usual 20 ends per inch.
+    assert scene.woven.cloth.size[0] == pytest.approx(0.20 / 0.0254 * 20, abs=2)
+    values = parse_toml((tmp_path / "x.toml").read_text())
+    assert values["cage"]["divisions"] == [3, 4, 1]
+    assert any("8/2 cotton" in note for note in scene.warnings)
+
+
+def test_a_yarn_of_the_scene_is_kept() -> None:
+    weave = {"pattern": "plain", "warp_yarn": "20/2 silk", "weft_yarn": "20/2 silk"}
+    weave |= {"warp_sett": "24 epi", "weft_sett": "24 epi"}
+    plan = make_plan(Scene({"weave": weave}), "hang")
+    silk = parse_yarn("20/2 silk")
+    assert plan.values["yarns"]["bending"] == f"{silk.bending * 1e9:.3g} mN.mm2"
+    assert "20/2 silk" in plan.notes[0]
+    own = {"inextensible": False, "tension": "90 N", "bending": "2 mN.mm2"}
+    plan = make_plan(Scene({"weave": {}, "yarns": own}), "hang")
+    assert plan.values["yarns"]["tension"] == "90 N"
+    assert plan.notes == []
+
+
+def test_pleats_of_a_curtain_go_to_the_front_and_the_back_in_turn() -> None:
+    scene = apply(TWILL, "hang")
+    scene.assign("modal", "modes", 6)
+    moved = state(scene, 0.0)
+    points = points_of(scene.modal.output)
+    top = np.isclose(points[:, 1], points[:, 1].max()) & (points[:, 2] > 0)
+    order = np.argsort(points[top, 0])
+    depth = moved[top, 2][order]
+    signs = np.sign(depth[np.abs(depth) > 0.3 * np.abs(depth).max()])
+    assert np.count_nonzero(np.diff(signs)) >= 3
+    span = np.ptp((points + moved)[top, 0]) / np.ptp(points[top, 0])
+    assert span == pytest.approx(0.78, abs=0.03)
+
+
+@pytest.mark.parametrize("name", ["plain_weave", "double_weave", "leno"])
+def test_other_textiles_have_presets(name: str) -> None:
+    scene = apply(name, "drape")
+    scene.check()
+    figures = scene.modal.gravity
+    assert figures[2] == pytest.approx(-9.80665)
+
+
+def test_what_is_no_cloth_is_refused_with_the_cure(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError, match="only a textile"):
+        apply(Scene({"object": {"file": "x.ply"}}), "drape")
+    for words, expected in (
+        (["--drape", "--hang"], "cannot be combined with"),
+        (["--yarn", "8/2 cotton"], "needs --hang, --drape, --drop or --swing"),
+        (["--drape", "--cloth-size", "3 bananas"], "must be a size of cloth"),
+        (["--drape", "--yarn", "8/2 hay"], "not the name of a yarn"),
+    ):
+        with pytest.raises(SystemExit) as left:
+            main(["render", str(TWILL), "-o", "x.png", *words])
+        assert left.value.code == 2
+        assert expected in capsys.readouterr().err
+
+
+def test_a_linear_motion_beyond_a_right_angle_is_refused_with_the_cure() -> None:
+    # What a draft did whose modal response was switched on: lengths changed by thousands of times.
+    scene = Scene(
+        {"weave": {"ends": 60, "picks": 60, "warp_spacing": "1 mm", "weft_spacing": "1 mm"}}
+    )
+    scene.assign("response", "alpha", 2.0)
+    state_at_start = scene.update(time=0.0)
+    assert state_at_start is None
+    with pytest.raises(SolverError, match="linear motion shows nothing real") as raised:
+        scene.update(time=1.0)
+    assert "--hang" in str(raised.value)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(
+    "name",
+    ["apron.wif", "overshot.wif", "tartan_gordon.wif", "huck_lace.wif", "diamond_twill.wpo"],
+)
+def test_real_drafts_move_without_exploding(name: str, preset: str) -> None:
+    scene = apply(DRAFTS / name, preset)
+    moved = state(scene, scene.view.time)
+    assert np.isfinite(moved).all()
+    assert abs(moved).max() < 3 * float(max(scene.woven.extent))
+    assert not [text for text in scene.warnings if "inside out" in text]
