@@ -46,7 +46,7 @@ USERS |= {
     "filters.obstacle",
     "filters.obstacle_surfaces",
 }
-USERS |= {"filters.error_estimates", "filters.textile"}
+USERS |= {"filters.error_estimates", "filters.textile", "scenes.presets"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
 #: Modules and names of optional parts, which are imported by name.
 PARTS = {

@@ -66,6 +66,8 @@ _PUSH = 0.01
 _PULL = 14.0
 #: Pressure of the draught that moves it, over its weight per area.
 _DRAUGHT = 0.08
+#: A textile whose side has fewer bending lengths lies on a table as a plate.
+_STIFF = 4.0
 #: A textile that is longer than this multiple of its width is a strip.
 _STRIP = 2.2
 #: Numbers of repeats of textiles along x and y.
@@ -191,8 +193,12 @@ def make_plan(
     ----------
     scene : Scene
         A scene with a weave or another textile.
-    preset, yarn, size
+    preset : str
         As for `apply`.
+    yarn : str, optional
+        As for `apply`.
+    size : float or two floats, optional
+        As for `apply` [m].
 
     Returns
     -------
@@ -528,7 +534,16 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
     side = float(min(width, height))
     x, y, z = 0.5 * (sheet.low + sheet.high)
     z = float(sheet.low[2])
+    cells, fixed, friction = sheet.cells(), "", 0.3
     if max(width, height) > _STRIP * side:
+        # A row of pins along the top of the rod, which needs vertices in the middle.
+        long = int(height > width)
+        cells[long] += cells[long] % 2
+        near = 0.3 * float(max(width, height)) / cells[long]
+        span = f"{_length(-near)}, {_length(near)}"
+        fixed = (
+            f"box(-inf, inf, {span}, -inf, inf)" if long else f"box({span}, -inf, inf, -inf, inf)"
+        )
         radius = 0.08 * float(max(width, height))
         along = [1.0, 0.0, 0.0] if height > width else [0.0, 1.0, 0.0]
         obstacles = [
@@ -538,12 +553,16 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
                 "height": _length(1.5 * side),
                 "axis": along,
                 "center": _lengths(x, y, z - radius),
-                "friction": 0.4,
             }
         ]
     else:
         # Cloth meets the table at samples of its cells, a quarter of their width apart.
-        thick = max(0.08 * side, 2.4 * float(width) / sheet.cells()[0])
+        thick = max(0.08 * side, 2.4 * float(width) / cells[0])
+        if side < _STIFF * sheet.bending_length:
+            # It touches the rim at a few points, which friction cannot settle on.
+            cells[:2] = [count + count % 2 for count in cells[:2]]
+            middle = 0.3 * float(width) / cells[0] + sheet.thickness
+            fixed, friction = f"sphere({', '.join(map(str, _lengths(x, y, z, middle)))})", 0.0
         leg = 0.62 * float(math.hypot(width, height)) - 0.3 * side * 0.5
         obstacles = [
             {
@@ -552,7 +571,7 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
                 "height": _length(thick),
                 "rounding": _length(0.25 * thick),
                 "center": _lengths(x, y, z),
-                "friction": 0.3,
+                "friction": friction,
             },
             {
                 "shape": "cylinder",
@@ -570,14 +589,12 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
         ]
     values["modal"] |= {
         "gravity": [0.0, 0.0, "-1 g"],
-        "fixed": "",
+        "fixed": fixed,
         "modes": 12,
         "obstacles": obstacles,
     }
-    values["cage"] = {"divisions": sheet.cells()}
-    values["response"] = {
-        "damping_ratio": 0.08,
-    }
+    values["cage"] = {"divisions": cells}
+    values["response"] = {"damping_ratio": 0.08}
     values["animation"] = {"stop": "2 s"}
 
 

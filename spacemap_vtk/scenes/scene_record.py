@@ -39,10 +39,7 @@ def make_record(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) 
 
 
 def scene_values(scene: Scene, folder: Path | None = None) -> dict[str, Any]:
-    """Return the values of a scene file that gives the present scene.
-
-    Paths in it are relative to `folder`, by default that of the scene.
-    """
+    """Return the values of a scene file, by default in the scene's folder, that gives the scene."""
     if folder is None:
         folder = scene.file.parent if scene.file else Path()
     values: dict[str, Any] = {"title": scene.title}

@@ -80,11 +80,7 @@ def format_value(value: Any) -> str:
 def format_scene(
     values: Mapping[str, Any], comment: str, remarks: Mapping[tuple[str, str], str] = _NONE
 ) -> str:
-    """Return the text of a scene file, which begins with a comment on its origin.
-
-    Remarks become comments behind the keys, given by section and key, that they are about. Lists
-    of tables are written as tables.
-    """
+    """Return the text of a scene file, with a comment on its origin and remarks behind keys."""
     lines = [f"# {comment}"]
     for section, content in values.items():
         if not isinstance(content, Mapping):
