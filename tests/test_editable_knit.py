@@ -63,6 +63,17 @@ def test_cables_are_set_and_taken_away_whole():
     assert crossed.resize(12, 2).values() == crossed.values()
 
 
+def test_lace_is_set_stitch_by_stitch_and_kept():
+    plain = chart_of(rows=["k4"]).resize(4, 2)
+    over = plain.with_stitch(1, 1, "yo")
+    assert (over.surplus(0), over.surplus(1)) == (0, 1)
+    lace = over.with_stitch(2, 1, "k2tog")
+    assert lace.surplus(1) == 0
+    assert lace.values()["rows"] == ["kkkk", "kyok2togk"]
+    assert chart_of(rows=lace.values()["rows"]).values() == lace.values()
+    assert lace.with_stitch(2, 1, "s2kp").surplus(1) == -1
+
+
 def test_stitches_that_no_yarn_holds_are_refused():
     missed = chart_of(rows="rib 1x1").with_stitch(0, 0, "m").with_stitch(1, 0, "m")
     with pytest.raises(InputError, match="only misses"):

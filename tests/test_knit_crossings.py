@@ -11,7 +11,7 @@ from spacemap_vtk.textile.rods.bound_piece import close_yarn, draw_bound_piece
 from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings
 from spacemap_vtk.textile.rods.knit import relax_knit
 from spacemap_vtk.textile.rods.loops import column_starts, draw_loops
-from spacemap_vtk.textile.rods.stitches import plan_passes
+from spacemap_vtk.textile.rods.stitches import Pass, parse_rows, plan_passes
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 PATTERNS = [
@@ -22,6 +22,9 @@ PATTERNS = [
     (["kp", "tp"], ()),
     (["kp"], ["AB", "BA"]),
     (["kk", "c2f"], ()),
+    (["k3", "k yo k2tog"], ()),
+    (["p3", "ssk yo k"], ()),
+    (["kf", "fk"], ()),
 ]
 
 
@@ -35,7 +38,7 @@ def with_order(crossings: Crossings, first_is_above: np.ndarray) -> Crossings:
 
 @pytest.mark.parametrize(("rows", "chart"), PATTERNS)
 def test_the_value_is_the_same_from_everywhere_and_changes_if_a_yarn_passes(rows, chart):
-    drawing = draw_loops(plan_passes(rows, chart), 16.0)
+    drawing = draw_loops(plan_passes(parse_rows(rows), chart), 16.0)
     value = alexander_value(drawing.yarns, drawing.crossings)
     for direction in ((0.0, 0.0, 1.0), (0.5, 0.3, 1.0), (-0.4, 1.0, 0.7)):
         seen = find_crossings(drawing.yarns, drawing.cell, direction)
@@ -84,8 +87,62 @@ def test_a_stitch_crosses_each_loop_that_it_casts_off_four_times():
         (["k" * 3, "ktk", "ktk"], 3 * 8 + 12 + 3 * 2),
         (["k" * 3, "ktk", "ktk", "ktk"], 4 * 8 + 16 + 6 * 2),
         (["k" * 6, "kc4fk"], 12 * 4 + 16),  # and four legs four others
+        # nothing is drawn through below a yarn over; loops of a decrease cross each other twice
+        (["kkk", "k yo k2tog"], 3 * 4 + 4 + 8 + 2),
+        (["kkk", "ssk yo k"], 3 * 4 + 4 + 8 + 2),
+        (["kkkk", "k yo sk2p yo"], 4 * 4 + 4 + 12 + 3 * 2),
     ]:
-        assert len(draw_loops(plan_passes(rows), 16.0).crossings.signs) == crossings
+        passes = plan_passes(parse_rows(rows))
+        assert len(draw_loops(passes, 16.0).crossings.signs) == crossings
+
+
+def seen_from_the_face(passes: list[Pass]) -> tuple[Crossings, np.ndarray]:
+    """Find the crossings of a drawing, and the needles at which they are on both yarns."""
+    drawing = draw_loops(passes, 16.0)
+    found = find_crossings(drawing.yarns, drawing.cell)
+    needles = np.zeros_like(found.yarns)
+    for yarn, each in enumerate(passes):
+        starts, on = column_starts(each), found.yarns == yarn
+        needles[on] = np.searchsorted(starts, (found.parameters[on] + 1) % starts[-1], "right") - 1
+    return found, needles
+
+
+def loops_before(row: str) -> list[int]:
+    """Return how many others each loop of a decrease of a row lies before, from the left."""
+    passes = plan_passes(parse_rows(["kkkk", row]))
+    ((first, order),) = passes[1].decreases
+    found, needles = seen_from_the_face(passes)
+    pairs = {(over, below) for over, below in needles[(found.yarns == 0).all(axis=1)].tolist()}
+    return [sum(over == first + k for over, _ in pairs) for k in range(len(order))]
+
+
+def test_decreases_lean_to_the_side_of_the_loop_that_is_behind():
+    # number of loops that each loop, from the left, lies before
+    assert loops_before("k yo k2tog k") == [1, 0]
+    assert loops_before("k ssk yo k") == [0, 1]
+    assert loops_before("k yo sk2p yo") == [1, 0, 2]
+    assert loops_before("k yo s2kp yo") == [0, 2, 1]
+
+
+def test_a_yarn_over_is_not_linked_with_the_row_below():
+    # seen from the face it passes behind all loops that are on the needles before
+    found, needles = seen_from_the_face(plan_passes(parse_rows(["k3", "k yo k2tog"])))
+    is_over = (found.yarns == 1) & (needles == 1)
+    below = found.shift[:, 1] == 0
+    assert not (is_over[:, 0] & below).any()
+    # and the loop of the next row is pulled through it
+    assert (is_over.any(axis=1) & ~below).sum() == 4
+
+
+def test_yarns_of_a_knitted_back_pass_between_both_faces():
+    passes = plan_passes(["k"], ["AAB", "ABB"], knitted_back=True)
+    assert [each.letters for each in passes] == ["kpkfmp", "mfmpkf", "kfmpmf", "mpkfkp"]
+    found, needles = seen_from_the_face(passes)
+    letters = np.array([list(each.letters) for each in passes])[found.yarns, needles]
+    # a float is below the loops of the face, and above those of the back
+    assert "m" not in letters[:, 0]
+    assert "f" not in letters[:, 1]
+    assert {"m", "f"} <= set(letters.ravel().tolist())
 
 
 @pytest.mark.nightly
@@ -97,11 +154,20 @@ def test_a_stitch_crosses_each_loop_that_it_casts_off_four_times():
         (["kt", "tk"], ()),
         (["k"], ["ABCD", "BCDA"]),
         (["kk", "c2b"], ()),
+        (["k3", "k yo k2tog"], ()),
+        (["k8", "k yo k2 sk2p k2 yo"], ()),
+        (["kf", "fk"], ()),
     ],
 )
 def test_yarns_of_any_pattern_rest_beside_each_other(rows, chart):
     # relaxing refuses yarns whose crossings are not those of the pattern
-    assert 0.0 < relax_knit(rows, 16.0, chart).overlap <= 0.005
+    assert 0.0 < relax_knit(parse_rows(rows), 16.0, chart).overlap <= 0.005
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("chart", [["AB", "BA"], ["AAB", "ABB"], ["ABC", "BCA"]])
+def test_colors_knitted_on_the_back_rest_beside_each_other(chart):
+    assert 0.0 < relax_knit(["k"], 16.0, chart, knitted_back=True).overlap <= 0.005
 
 
 def test_a_trefoil_has_the_value_of_its_polynomial():

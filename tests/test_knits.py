@@ -26,7 +26,8 @@ def test_rows_are_written_by_name_or_by_letters():
     assert parse_rows("Rib 1x1") == ("kp",)
     assert parse_rows("k2p, p k2") == ("kkp", "pkk")
     assert parse_rows("p k4 p, p C4F p") == ("pkkkkp", "pc4fp")
-    for wrong in ("brioche", "kp, k", "k0", "", [], "k3, c3f", "kpkk, c4b", "kc"):
+    assert parse_rows(["k 3", "K2TOG yo k"]) == ("kkk", "k2togyok")
+    for wrong in ("brioche", "kp, k", "k0", "", [], "k3, c3f", "kpkk, c4b", "kc", "k3tog", "ky"):
         with pytest.raises(InputError):
             parse_rows(wrong)
 
@@ -61,6 +62,50 @@ def test_a_cable_moves_half_of_its_stitches_to_each_side():
     assert row.moves == (2, 2, -2, -2, 0)
     assert crossed.cables == ((0, 4, False),)
     assert crossed.letters == "kkkkp"
+
+
+def test_lace_shifts_the_loops_between_a_yarn_over_and_a_decrease():
+    plain, lace = plan_passes(parse_rows(["k5", "k yo k k2tog k"]))
+    assert plain.shifts == (0, 1, 1, 0, 0)
+    assert lace.letters == "kykkk"
+    assert lace.decreases == ((2, (0, 1)),)
+    for wrong in (["k3", "k yo k"], ["k2tog k"], ["k4", "k yo sk2p k"]):
+        with pytest.raises(InputError, match="of the row below") as refused:
+            parse_rows(wrong)
+        assert "two" in refused.value.cure
+
+
+def test_a_loop_that_lace_moves_must_be_cast_off_in_time():
+    # Loop 1 of the plain row is numbered 2 in the row of the lace, which misses it there.
+    rows = parse_rows(["k4", "k yo m k2tog", "kkmk", "kkmk", "kkmk", "kkmk"])
+    with pytest.raises(InputError, match="loop of stitch 2 is held over 6 rows"):
+        plan_passes(rows)
+    plan_passes(parse_rows(["k4", "k yo m k2tog", "kkmk"]))
+
+
+def test_a_back_is_knitted_behind_knit_stitches_of_a_chart_only():
+    colors = {"color": ["#ff0000", "#00ff00"], "back": "knitted"}
+    with pytest.raises(InputError, match="needs a chart"):
+        TextileSource(**colors).update()
+    with pytest.raises(InputError, match="knit stitches only"):
+        TextileSource(rows="rib 1x1", chart=["AB"], **colors).update()
+    with pytest.raises(InputError, match="turn at the sides"):
+        TextileSource(chart=["AB"], edges="turned", **colors).update()
+
+
+def test_wales_of_a_knitted_back_are_those_of_the_face():
+    values = {"chart": ["AB"], "color": ["#ff0000", "#00ff00"], "wales": 2, "courses": 2}
+    knitted = TextileSource(back="knitted", **values)
+    found = {figure.key: figure.value for figure in knitted.figures}
+    # Each row lays half of its stitches on either bed: two of each color, and two floats.
+    length = 4 * 1.0 + 4 * 8 / 32
+    area = 2 * found["course_spacing"] * found["wale_spacing"]
+    mass = found["areal_mass"] * area / knitted.linear_densities[0]
+    assert mass / found["loop_length"] == pytest.approx(length)
+    # Wales of the face have those of the back behind them: the cloth is as thick as a rib.
+    assert found["thickness"] > 3.5 * 5e-4
+    assert found["largest_overlap"] <= 0.005
+    assert len(knitted.yarn_diameters) == 4
 
 
 def test_a_chart_needs_a_color_for_each_letter_and_cut_edges():

@@ -369,6 +369,11 @@ CHECKS: dict[str, Callable[[Scene], None]] = {
     "cable": check_yarn(36 + 4 * 2 / 4, 36),
     # Six of twelve stitches of each row miss.
     "fair_isle": check_yarn(6 + 6 / 4, 6),
+    # One stitch in each of two rows of six, and four in one row of four, are yarn overs.
+    "eyelet": check_yarn(34 + 2 * 23 / 32, 36),
+    "feather_and_fan": check_yarn(44 + 4 * 23 / 32, 48),
+    # Both yarns of a row make 8 stitches, on two beds, and float past 8 needles.
+    "jacquard": check_yarn(4 * (8 + 8 / 4), 16),
     "tricot": check_tricot,
     # 32 stitches of a 3.98th of 19.2 mm each.
     "sleeve": check_figures(tube_diameter=32 * 19.2e-3 / 3.98 / math.pi),
@@ -433,11 +438,14 @@ LONG = {
     "double_weave",
     "drape",
     "drop",
+    "eyelet",
     "fair_isle",
+    "feather_and_fan",
     "fold",
     "garter",
     "handweaving",
     "helicoid",
+    "jacquard",
     "leno",
     "let_go",
     "lever_in_tetwild_cage",
@@ -461,9 +469,12 @@ LONG = {
 #: Of these, scenes without a cage, or whose cage takes long to make.
 NO_CAGE = {
     "cable",
+    "eyelet",
     "fair_isle",
+    "feather_and_fan",
     "garter",
     "handweaving",
+    "jacquard",
     "leno",
     "lever_in_tetwild_cage",
     "orthogonal_weave",

@@ -73,6 +73,49 @@ def test_colours_of_stitches_become_a_chart(open_scene: Any, tmp_path: Path) -> 
     assert window.document.value_in_file("textile", "chart") is None
 
 
+def test_keys_write_stitches_and_undo_takes_them_back(open_scene: Any, tmp_path: Path) -> None:
+    window = open_knit(open_scene, tmp_path)
+    tab, chart = window.chart, window.chart.chart
+    type_into(tab.counts["stitches"].lineEdit(), "4")
+    chart.setFocus()
+    chart.place = (0, 0)
+    QTest.keyClicks(chart, "kp")
+    assert window.document.value_in_file("textile", "rows") == ["kpkk", "kkkk"]
+    assert chart.place == (2, 0)
+    # Keys of the menus are not letters.
+    QTest.keyClick(chart, Qt.Key.Key_T, Qt.KeyboardModifier.ControlModifier)
+    assert window.document.value_in_file("textile", "rows") == ["kpkk", "kkkk"]
+    window.menus.actions["Undo"].trigger()
+    assert window.document.value_in_file("textile", "rows") == "stockinette"
+    # From the end of a row keys go on in the next one; Enter goes to its beginning.
+    QTest.keyClick(chart, Qt.Key.Key_Right)
+    QTest.keyClick(chart, Qt.Key.Key_Right)
+    assert chart.place == (0, 1)
+    QTest.keyClick(chart, Qt.Key.Key_Up)
+    QTest.keyClick(chart, Qt.Key.Key_Return)
+    assert chart.place == (0, 1)
+
+
+def test_lace_is_stored_once_its_row_can_be_knitted(open_scene: Any, tmp_path: Path) -> None:
+    window = open_knit(open_scene, tmp_path)
+    tab, chart = window.chart, window.chart.chart
+    type_into(tab.counts["stitches"].lineEdit(), "4")
+    chart.setFocus()
+    chart.place = (1, 1)
+    QTest.keyClicks(chart, "y")
+    assert window.document.value_in_file("textile", "rows") == "stockinette"
+    assert "Row 2 makes 1 stitch too many: add a decrease" in tab.hint.text()
+    assert str(chart.shown.stitches[1, 1]) == "yo"
+    QTest.keyClicks(chart, "/")
+    assert window.document.value_in_file("textile", "rows") == ["kkkk", "kyok2togk"]
+    # An incomplete row is discarded by Esc.
+    QTest.keyClick(chart, Qt.Key.Key_Backspace)
+    assert str(chart.shown.stitches[1, 2]) == "k"
+    QTest.keyClick(chart, Qt.Key.Key_Escape)
+    assert str(chart.shown.stitches[1, 2]) == "k2tog"
+    assert tab.buttons["yo"].toolTip().endswith("Key y")
+
+
 def test_only_knits_have_a_chart(open_scene: Any, tmp_path: Path) -> None:
     window = open_knit(open_scene, tmp_path)
     assert window.tabs.indexOf(window.chart) >= 0

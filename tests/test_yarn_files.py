@@ -306,7 +306,7 @@ def test_files_that_are_no_yarns_are_refused(tmp_path, monkeypatch):
     refused(bcc, head + struct.pack("<i3f", 1, 0, 0, 0), "its curves have 1 points.*says 2")
     refused(bcc, head + points, r"no diameter of yarn 0.*Set textile\.diameter", GeometryError)
     refused(bcc, head[:8] + bytes(56), "no yarns")
-    refused(tmp_path / "a.smobj", "L knit\n", "smobj-to-yarns")
+    refused(tmp_path / "a.smobj", "L knit\n", "not a whole stitch mesh")
     refused(tmp_path / "a.yarns", b"f3..\1\0\0\0", "truncated")
     refused(tmp_path / "a.xyz", "1", "no format of yarns has this ending")
     refused(tmp_path / "a.csv", "x,y,z\n1,2,3\n", "no column yarn")

@@ -11,6 +11,7 @@ from spacemap_vtk import cache
 from spacemap_vtk.errors import GeometryError, InputError, add_key_to_errors
 from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.io import registry
+from spacemap_vtk.io.yarns.stitch_faces import read_smobj
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.rods.curves import (
@@ -26,6 +27,8 @@ from spacemap_vtk.textile.rods.yarns import Yarn, sample_yarns, unknowns
 
 #: Length of 1 in a file that names no unit [m].
 UNIT = 1e-3
+#: Ending of files that are read with a library of faces.
+_WITH_LIBRARY = ".smobj"
 #: Overlap, as a share of the diameter, that is reported.
 _SEEN = 0.01
 #: Distances of splines from the curves in the file, in diameters, that are reported.
@@ -48,7 +51,9 @@ class FileYarns(NamedTuple):
     notes: list[str]
 
 
-def read_yarn_file(path: Path, unit: float | None) -> tuple[CurveSet, list[str]]:
+def read_yarn_file(
+    path: Path, unit: float | None, library: Path | None = None
+) -> tuple[CurveSet, list[str]]:
     """Read a file of yarns in metres, with sentences about it."""
     found = registry.reader(path, "yarns")
     if found is None:
@@ -58,8 +63,16 @@ def read_yarn_file(path: Path, unit: float | None) -> tuple[CurveSet, list[str]]
             value=path.suffix,
             allowed=registry.describe_readers("yarns"),
         )
+    if library is not None and path.suffix.lower() != _WITH_LIBRARY:
+        raise InputError(
+            f"{path}: only a stitch mesh has its yarns in a library",
+            key="library",
+            value=library.name,
+            cure="Remove library.",
+        )
     with add_key_to_errors("file"):
-        given = found.read(registry.require_file(path))
+        path = registry.require_file(path)
+        given = found.read(path) if library is None else read_smobj(path, library)
     notes = [f"{path.name}: {note}" for note in given.notes]
     scale = given.unit if unit is None else unit
     if scale is None:
@@ -77,6 +90,7 @@ def make_file_yarns(
     period: tuple[float, float] | None = None,
     relax: bool = False,
     keep_cell: bool = False,
+    library: Path | None = None,
     progress: Progress | None = None,
 ) -> FileYarns:
     """Read yarns of a file, and lay splines through their points or relax them."""
@@ -84,7 +98,7 @@ def make_file_yarns(
     # the size of a cell along x and y where the file has none; all in m. `keep_cell` keeps the size
     # of the cell while yarns relax. Raises InputError if the file is damaged, too large, or without
     # yarns or diameters, and SolverError if the yarns do not come to rest.
-    given, notes = read_yarn_file(path, unit)
+    given, notes = read_yarn_file(path, unit, library)
     if period is not None and any(period):
         given = _with_cell(given, period)
     if diameter is not None:

@@ -36,6 +36,7 @@ READ = {
     "table": "times and factors",
     "column": "numbers",
     "yarns": "`textile.rods.curves.CurveSet`",
+    "knit": "`yarns.knitout.KnitoutFile`",
 }
 #: Reasons why a path cannot be read as a file.
 NO_SUCH_FILE = "no such file"
@@ -237,8 +238,8 @@ def reader_endings(holds: str, common: bool = False) -> list[str]:
 
 
 def kind_of(path: Path) -> str | None:
-    """Return "scene", "draft" or "mesh" by the file's ending, or None."""
-    kinds = ("scene", "draft", "mesh")
+    """Return "scene", "draft", "knit" or "mesh" by the file's ending, or None."""
+    kinds = ("scene", "draft", "knit", "mesh")
     return next((kind for kind in kinds if path.suffix.lower() in reader_endings(kind)), None)
 
 
@@ -272,8 +273,11 @@ def endings_with_alpha(holds: str) -> list[str]:
 def describe_scene_files() -> str:
     """Describe in words what can be opened as a scene."""
     meshes = ", ".join([*reader_endings("mesh", common=True), "..."])
-    scenes, drafts = ", ".join(reader_endings("scene")), ", ".join(reader_endings("draft"))
-    return f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes})"
+    scenes, drafts, knits = (", ".join(reader_endings(kind)) for kind in ("scene", "draft", "knit"))
+    return (
+        f"a scene file ({scenes}), a weaver's draft ({drafts}), a machine knitting file ({knits}), "
+        f"a mesh ({meshes})"
+    )
 
 
 def describe_writers(holds: str | None = None) -> str:
@@ -293,16 +297,17 @@ def describe_readers(holds: str) -> str:
 
 
 def scene_dialog_filters() -> str:
-    """Return the name filters of a dialog that opens scenes, drafts and meshes."""
+    """Return the name filters of a dialog that opens scenes, drafts, knits and meshes."""
     first = [
         *reader_endings("scene"),
         *reader_endings("draft"),
+        *reader_endings("knit"),
         *reader_endings("mesh", common=True),
     ]
     more = [ending for ending in reader_endings("mesh") if ending not in first]
     return ";;".join(
         [
-            name_filter("Scenes, drafts, meshes", first),
+            name_filter("Scenes, drafts, knits, meshes", first),
             name_filter("Other meshes", more),
             "All files (*)",
         ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from math import lcm
 from typing import Any
@@ -13,16 +12,29 @@ from numpy.typing import NDArray
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textiles.knit import Knit
 from spacemap_vtk.ndarrays import Bytes
-from spacemap_vtk.textile.rods.stitches import STRUCTURES, parse_chart, plan_passes
+from spacemap_vtk.textile.rods.stitches import (
+    STRUCTURES,
+    loops_used,
+    parse_chart,
+    plan_passes,
+    stitches_made,
+    words_of,
+)
 
 #: Most stitches that a chart shows.
 _MOST = 2000
-#: What each letter of a row does, and the cables that are offered.
+#: What each word of a row does, and the cables that are offered.
 STITCHES = {
     "k": "knit",
     "p": "purl",
     "t": "tuck",
     "m": "miss",
+    "f": "miss, float in front",
+    "yo": "yarn over",
+    "k2tog": "k2tog",
+    "ssk": "ssk",
+    "sk2p": "sk2p",
+    "s2kp": "s2kp",
     "c4f": "cable left",
     "c4b": "cable right",
 }
@@ -32,7 +44,7 @@ STITCHES = {
 class EditableKnit:
     """A repeat of a knit, the lowest row first."""
 
-    #: (rows, stitches), letters k, p, t or m, from the left; a cable as c4f, and empty beside it.
+    #: (rows, stitches), words of each row from the left; a cable as c4f, and empty beside it.
     stitches: NDArray[np.str_]
     #: (rows, stitches, 3), colour of each stitch.
     colors: Bytes
@@ -47,13 +59,13 @@ class EditableKnit:
     def with_stitch(self, x: int, y: int, word: str) -> EditableKnit:
         """Change a stitch, counted from the left and from below, from 0, or begin a cable there."""
         stitches = self.stitches.copy()
-        size = cable_size(word)
+        size = stitches_made(word)
         x = min(x, len(stitches[y]) - size)
         if x < 0:
             raise InputError(f"the chart is narrower than a cable of {size} stitches")
         for place in range(x, x + size):
             start = self.start_of(place, y)
-            stitches[y, start : start + cable_size(self.stitches[y, start])] = "k"
+            stitches[y, start : start + stitches_made(self.stitches[y, start])] = "k"
         stitches[y, x : x + size] = ""
         stitches[y, x] = word
         return replace(self, stitches=stitches)
@@ -61,6 +73,10 @@ class EditableKnit:
     def start_of(self, x: int, y: int) -> int:
         """Return where the cable of a stitch begins, or the stitch itself."""
         return max(k for k in range(x + 1) if self.stitches[y, k])
+
+    def surplus(self, y: int) -> int:
+        """Return how many stitches a row makes more than it uses of the row below; 0 if it fits."""
+        return sum(stitches_made(word) - loops_used(word) for word in self.stitches[y] if word)
 
     def with_color(self, x: int | None, y: int, color: tuple[int, int, int]) -> EditableKnit:
         """Change the colour of a stitch, or of a whole row if x is None."""
@@ -96,7 +112,7 @@ class EditableKnit:
         letters = _repeat(self.stitches, rows, stitches)
         for row in letters:
             for x in np.flatnonzero(row):
-                if x + cable_size(row[x]) > stitches:
+                if x + stitches_made(row[x]) > stitches:
                     row[x:] = "k"
         return EditableKnit(letters, _repeat(self.colors, rows, stitches), self.palette)
 
@@ -136,8 +152,7 @@ def make_editable_knit(rows: Any, chart: Any, color: Any) -> EditableKnit:
     if chart is None:
         colors = palette[:, None]
     else:
-        letters = _letters(chart)
-        numbers = np.vectorize(ord)(letters) - ord("A")
+        numbers = np.array([[ord(letter) for letter in row] for row in chart]) - ord("A")
         colors = palette[np.minimum(numbers, len(palette) - 1)]
     height, width = (lcm(a, b) for a, b in zip(stitches.shape, colors.shape[:2], strict=True))
     if height * width > _MOST:
@@ -154,18 +169,13 @@ def require_knittable(values: dict[str, Any]) -> None:
     plan_passes(STRUCTURES[rows] if isinstance(rows, str) else rows, values["chart"] or ())
 
 
-def cable_size(word: str) -> int:
-    """Return the number of stitches of a cable, or 1."""
-    return int(word[1:-1]) if word.startswith("c") else 1
-
-
 def _letters(rows: tuple[str, ...]) -> NDArray[np.str_]:
     """Return a word for each stitch: a letter, a cable at its first stitch, or nothing."""
-    grid = []
-    for row in rows:
-        words = re.findall(r"c\d+[fb]|[a-zA-Z]", row)
-        grid.append([cell for word in words for cell in (word, *[""] * (cable_size(word) - 1))])
-    return np.array(grid, dtype="<U4")
+    grid = [
+        [cell for word in words_of(row) for cell in (word, *[""] * (stitches_made(word) - 1))]
+        for row in rows
+    ]
+    return np.array(grid, dtype="<U5")
 
 
 def _repeat(grid: Any, rows: int, stitches: int) -> Any:

@@ -84,6 +84,14 @@ def values_of(path: Path, name: str = "") -> dict[str, Any]:
             "weave": {"draft": name or str(path)},
             "view": {"camera": "face"},
         }
+    if kind == "knit":
+        read = registry.read(path, "knit")
+        return {"textile": read.values, "view": {"camera": "front"}}
     if kind == "mesh":
         return {"object": {"file": name or str(path)}}
     return registry.read(path, "scene")
+
+
+def notes_of(path: Path) -> list[str]:
+    """Return sentences on what `values_of` leaves out of a file."""
+    return registry.read(path, "knit").notes if registry.kind_of(path) == "knit" else []

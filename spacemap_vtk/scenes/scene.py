@@ -114,13 +114,13 @@ class Scene:
 
     @classmethod
     def read(cls, scene: str | Path) -> Scene:
-        """Read a scene file or a draft.
+        """Read a scene file, a draft or a knit.
 
         Parameters
         ----------
         scene : str or Path
-            A ``.toml`` scene, a ``.wif`` draft, a mesh such as ``model.ply``, or the name of a
-            scene that comes with the program.
+            A ``.toml`` scene, a ``.wif`` draft, a ``.k`` machine knitting file, a mesh such as
+            ``model.ply``, or the name of a scene that comes with the program.
 
         Returns
         -------
@@ -133,7 +133,9 @@ class Scene:
             If the file is missing, is not TOML, or has unknown sections or keys.
         """
         path = library.find(scene)
-        return cls(library.values_of(path, path.name), path)
+        found = cls(library.values_of(path, path.name), path)
+        found._add_warnings(library.notes_of(path))
+        return found
 
     def part(self, cls: type[P]) -> P:
         """Return the object that a class's section configures.

@@ -90,9 +90,10 @@ class Document(QObject):
         if scene:
             text = path.read_text(encoding="utf-8")
         else:
-            # A draft has no scene text yet: write the scene that Scene.read made from it as TOML.
+            # A draft or knit has no scene text yet: write the scene that Scene.read made of it.
             text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
-        is_editable = registry.kind_of(path) != "mesh" and path.parent != library.folder().resolve()
+        is_own = registry.kind_of(path) not in ("knit", "mesh")
+        is_editable = is_own and path.parent != library.folder().resolve()
         self.file, self.source = path if is_editable else None, path
         self._replace(text, path.parent, read)
 

@@ -9,7 +9,7 @@ from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import QButtonGroup, QComboBox, QLabel, QWidget
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.draft.knit_chart import SYMBOLS, KnitChart
+from spacemap_vtk.app.draft.knit_chart import KEYS, SYMBOLS, KnitChart
 from spacemap_vtk.app.draft.palette import Palette
 from spacemap_vtk.app.widgets import CountBox, column, narrow, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
@@ -25,7 +25,29 @@ from spacemap_vtk.textile.rods.stitches import STRUCTURES
 #: Section that edits change, and its keys.
 _SECTION = "textile"
 _KEYS = ("rows", "chart", "color")
-_HINT = "Drag to set stitches or to paint · Strip: colour of a row · Right button: pick a colour"
+_HINT = (
+    "Drag to set stitches or to paint · Strip: colour of a row · Right button: pick a colour · "
+    "Keys: letters set stitches, arrows move, Enter goes to the next row, space repeats"
+)
+#: The key of each stitch.
+_KEY_OF = {word: key for key, word in KEYS.items()}
+#: What stitches do.
+_TIPS = {
+    "k": "a loop that is pulled to the face",
+    "p": "a loop that is pulled to the back",
+    "t": "an open loop beside the loop below, which is held",
+    "m": "the loop below is held, and the yarn floats behind it",
+    "f": "the loop below is held, and the yarn floats before it",
+    "yo": "an open loop drawn through nothing, which leaves a hole; needs a decrease in its row",
+    "k2tog": "two stitches together, the left one in front; needs a yarn over in its row",
+    "ssk": "two stitches together, the right one in front; needs a yarn over in its row",
+    "sk2p": "three stitches together, the right one in front; needs two yarn overs in its row",
+    "s2kp": "three stitches together, the middle one in front; needs two yarn overs in its row",
+    "c4f": "four stitches cross, those that move to the left in front",
+    "c4b": "four stitches cross, those that move to the right in front",
+}
+#: Buttons in a row.
+_ACROSS = 7
 
 
 def is_knit(scene: Scene) -> bool:
@@ -58,6 +80,7 @@ class ChartTab(QWidget):
         below = (self.palette_row, (self.placeholder, 1), (self.chart, 1), self.hint)
         column(self, self.tools, *below, margins=(6, 6, 6, 6), spacing=6)
         self.chart.edited.connect(self._store)
+        self.chart.cancelled.connect(self._discard)
         self.chart.hovered.connect(lambda text: self.hint.setText(text or _HINT))
         self.chart.color_picked.connect(self.palette_row.choose)
         self.palette_row.chosen.connect(self._set_color)
@@ -92,6 +115,12 @@ class ChartTab(QWidget):
         super().showEvent(event)
         self.refresh()
 
+    def _discard(self) -> None:
+        """Show the chart of the document instead of one that cannot be knitted yet."""
+        self._key = None
+        self.hint.setText(_HINT)
+        self.refresh()
+
     def _clear(self) -> None:
         """Forget what belongs to the former scene."""
         self.palette_row.clear()
@@ -101,8 +130,8 @@ class ChartTab(QWidget):
         self.buttons = {}
         group = QButtonGroup(self)
         for letter, name in STITCHES.items():
-            text = f"{SYMBOLS[letter]} {name.capitalize()}".strip()
-            self.buttons[letter] = tool_button(text, f"Set {name} stitches", checkable=True)
+            tip = f"{name.capitalize()}: {_TIPS[letter]}. Key {_KEY_OF[letter]}"
+            self.buttons[letter] = tool_button(SYMBOLS[letter] or "□", tip, checkable=True)
         tip = "Paint the colours of stitches; the strip paints rows"
         self.buttons[""] = tool_button("Colour", tip, checkable=True)
         for letter, button in self.buttons.items():
@@ -121,10 +150,18 @@ class ChartTab(QWidget):
             spin.valueChanged.connect(self._resize)
             self.counts[name] = spin
             fields += [QLabel(name.capitalize()), spin]
+        legend = note(
+            " · ".join(
+                f"{SYMBOLS[letter] or '□'} {name} ({_KEY_OF[letter]})".replace(" ", "\u00a0")
+                for letter, name in STITCHES.items()
+            )
+        )
+        buttons = list(self.buttons.values())
         column(
             self.tools,
-            row(None, *list(self.buttons.values())[:4], None, spacing=2),
-            row(None, *list(self.buttons.values())[4:], None, spacing=2),
+            row(None, *buttons[:_ACROSS], None, spacing=2),
+            row(None, *buttons[_ACROSS:], None, spacing=2),
+            legend,
             row(None, *fields, None, spacing=6),
             row(None, narrow(self.structure, 12), None),
             spacing=4,
@@ -146,6 +183,10 @@ class ChartTab(QWidget):
 
     def _store(self, shown: EditableKnit, name: str) -> None:
         """Transfer a chart to the scene; show the former one again if it is refused."""
+        if reason := _reason_to_wait(shown):
+            # Lace is entered stitch by stitch; it is stored as soon as its rows can be knitted.
+            self.hint.setText(reason)
+            return
         source = self._document.scene.source
         try:
             values = shown.values()
@@ -197,3 +238,15 @@ class ChartTab(QWidget):
         self._size = shown.size
         self._show_knit(shown)
         self._store(shown, "repeat")
+
+
+def _reason_to_wait(shown: EditableKnit) -> str:
+    """Return why a chart cannot be knitted yet; nothing if all rows make what they use."""
+    for y in range(shown.size[1]):
+        if surplus := shown.surplus(y):
+            missing = "decrease" if surplus > 0 else "yarn over"
+            return (
+                f"Row {y + 1} makes {abs(surplus)} stitch{'es' if abs(surplus) > 1 else ''} too "
+                f"{'many' if surplus > 0 else 'few'}: add a {missing}, or discard it with Esc"
+            )
+    return ""

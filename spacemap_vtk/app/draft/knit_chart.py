@@ -3,16 +3,66 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QFont, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import (
+    QColor,
+    QFocusEvent,
+    QFont,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPaintEvent,
+    QPen,
+)
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from spacemap_vtk.app.draft.draft_painter import DraftColors
 from spacemap_vtk.app.widgets import is_dark, painter_on
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes.editable_knit import STITCHES, EditableKnit, cable_size
+from spacemap_vtk.scenes.editable_knit import STITCHES, EditableKnit
+from spacemap_vtk.textile.rods.stitches import stitches_made
 
 #: Symbols of the stitches; knit stitches are blank.
-SYMBOLS = {"k": "", "p": "●", "t": "∩", "m": "―", "c4f": "╲╱", "c4b": "╱╲"}
+SYMBOLS = {
+    "k": "",
+    "p": "●",
+    "t": "∩",
+    "m": "―",
+    "f": "═",
+    "yo": "○",
+    "k2tog": "╱",
+    "ssk": "╲",
+    "sk2p": "λ",
+    "s2kp": "Λ",
+    "c4f": "╲╱",
+    "c4b": "╱╲",
+}
+#: Keys that set a stitch, by their text.
+KEYS = {
+    "k": "k",
+    "p": "p",
+    "t": "t",
+    "m": "m",
+    "f": "f",
+    "y": "yo",
+    "/": "k2tog",
+    "\\": "ssk",
+    "s": "sk2p",
+    "v": "s2kp",
+    "<": "c4f",
+    ">": "c4b",
+}
+_STEPS = {
+    Qt.Key.Key_Left: (-1, 0),
+    Qt.Key.Key_Right: (1, 0),
+    Qt.Key.Key_Up: (0, 1),
+    Qt.Key.Key_Down: (0, -1),
+}
+#: Keys with which letters are commands of the menus.
+_COMMANDS = (
+    Qt.KeyboardModifier.ControlModifier
+    | Qt.KeyboardModifier.AltModifier
+    | Qt.KeyboardModifier.MetaModifier
+)
 #: Largest and smallest size of a cell, and room for numbers, for the colours of rows and around.
 _LARGEST, _SMALLEST, _NUMBERS, _STRIP, _MARGIN = 34, 7, 24, 16, 6
 
@@ -24,6 +74,8 @@ class KnitChart(QWidget):
     edited = Signal(object, str)
     #: Description of the stitch under the mouse.
     hovered = Signal(str)
+    #: Stitches that cannot be knitted yet are to be discarded.
+    cancelled = Signal()
     #: A colour picked with the right button.
     color_picked = Signal(object)
 
@@ -39,12 +91,18 @@ class KnitChart(QWidget):
         self._last: tuple[int, int] | None = None
         self._under: tuple[int | None, int] | None = None
         self._sets = ""
+        #: Stitch at which keys write.
+        self.place = (0, 0)
         self.setMouseTracking(True)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
 
     def show_knit(self, shown: EditableKnit | None) -> None:
         """Show a chart."""
         self.shown, self._before, self._under = shown, None, None
+        if shown is not None:
+            x, y = (min(at, size - 1) for at, size in zip(self.place, shown.size, strict=True))
+            self.place = x, y
         self.update()
 
     @property
@@ -94,7 +152,7 @@ class KnitChart(QWidget):
             return f"row {y + 1}: paint the colour of the whole row"
         color = QColor(*self.shown.colors[y, x].tolist()).name()
         word = str(self.shown.stitches[y, self.shown.start_of(x, y)])
-        name = STITCHES.get(word, f"cable of {cable_size(word)}")
+        name = STITCHES.get(word, f"cable of {stitches_made(word)}")
         return f"row {y + 1}, stitch {self.shown.size[0] - x}: {name}, {color}"
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
@@ -107,6 +165,7 @@ class KnitChart(QWidget):
             self.color_picked.emit(QColor(*self.shown.colors[y, x or 0].tolist()))
         elif event.button() == Qt.MouseButton.LeftButton:
             self._before, self._on_strip, self._last = self.shown, x is None, (x or 0, y)
+            self.place = x or 0, y
             # A stroke that starts on the chosen stitch sets knit stitches instead.
             word = "" if x is None else self.shown.stitches[y, self.shown.start_of(x, y)]
             same = word == self.letter
@@ -142,6 +201,74 @@ class KnitChart(QWidget):
         """Remove the highlight."""
         self._hover(None)
 
+    def event(self, event: QEvent) -> bool:
+        """Reserve the keys of stitches, which the menus also use."""
+        override = event.type() == QEvent.Type.ShortcutOverride
+        if override and isinstance(event, QKeyEvent) and _is_own_key(event):
+            event.accept()
+        return bool(super().event(event))
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Move with the arrow keys, set stitches with letters, and the chosen one with space."""
+        key, text = event.key(), event.text().lower()
+        if self.shown is None or self.is_stroking or event.modifiers() & _COMMANDS:
+            super().keyPressEvent(event)
+        elif key == Qt.Key.Key_Escape:
+            self.cancelled.emit()
+        elif key in _STEPS:
+            self._step(*_STEPS[key])
+        elif key in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
+            self._move_to(0, self.place[1] + 1)
+        elif key == Qt.Key.Key_Backspace:
+            self._step(-1, 0)
+            self._write("k", advance=False)
+        elif text == " ":
+            self._write(self.letter)
+        elif text in KEYS:
+            self._write(KEYS[text])
+        else:
+            super().keyPressEvent(event)
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        """Show where keys write."""
+        super().focusInEvent(event)
+        self.update()
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        """Hide where keys write."""
+        super().focusOutEvent(event)
+        self.update()
+
+    def _step(self, across: int, up: int) -> None:
+        """Move on by a stitch; from the end of a row, to the next row."""
+        assert self.shown is not None
+        stitches = self.shown.size[0]
+        rows, x = divmod(self.place[0] + across, stitches)
+        self._move_to(x, self.place[1] + up + rows)
+
+    def _move_to(self, x: int, y: int) -> None:
+        """Move the place at which keys write, from the last row to the first one."""
+        assert self.shown is not None
+        y %= self.shown.size[1]
+        self.place = x, y
+        self.hovered.emit(self.describe(x, y))
+        self.update()
+
+    def _write(self, word: str, advance: bool = True) -> None:
+        """Set a stitch, or a colour if the word is empty, and move on behind it."""
+        before, (x, y), chosen = self.shown, self.place, self.letter
+        assert before is not None
+        self.letter = self._sets = word
+        self._apply(x, y)
+        self.letter = chosen
+        if advance:
+            assert self.shown is not None
+            start = self.shown.start_of(x, y)
+            size = stitches_made(str(self.shown.stitches[y, start]))
+            self._step(start + size - x, 0)
+        if self.shown is not before:
+            self.edited.emit(self.shown, "stitches" if word else "colours of stitches")
+
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint stitches, numbers, and the stitch under the mouse."""
         painter = painter_on(self)
@@ -170,7 +297,7 @@ class KnitChart(QWidget):
                     symbol = SYMBOLS.get(word, "")
                     painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, symbol)
             for x in range(stitches):
-                if (size := cable_size(str(shown.stitches[y, x]))) > 1:
+                if (size := stitches_made(str(shown.stitches[y, x]))) > 1:
                     color = QColor(*shown.colors[y, x].tolist())
                     rect = self.rect_of(x, y).united(self.rect_of(x + size - 1, y))
                     _paint_cable(painter, rect, shown.stitches[y, x].endswith("f"), color)
@@ -183,18 +310,24 @@ class KnitChart(QWidget):
         painter.setPen(inks.text)
         step = max(1, round(14 / self.cell))
         for y in range(0, rows, step):
+            # A row of lace that makes more or fewer stitches than it uses is not knittable yet.
+            painter.setPen(inks.text if shown.surplus(y) == 0 else QColor("#d03030"))
             rect = self.rect_of(stitches - 1, y).translated(self.cell + 4, 0)
             rect.setWidth(_NUMBERS)
             centre = Qt.AlignmentFlag.AlignVCenter
             painter.drawText(rect, Qt.AlignmentFlag.AlignLeft | centre, str(y + 1))
+        painter.setPen(inks.text)
         for count in range(0, stitches, max(1, round(20 / self.cell))):
             rect = self.rect_of(stitches - 1 - count, 0).translated(0, self.cell)
             rect.setHeight(_NUMBERS)
             painter.drawText(rect, Qt.AlignmentFlag.AlignCenter, str(count + 1))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
         if self._under is not None:
             painter.setPen(QPen(inks.highlight, 2))
-            painter.setBrush(Qt.BrushStyle.NoBrush)
             painter.drawRect(self.rect_of(*self._under))
+        if self.hasFocus():
+            painter.setPen(QPen(inks.highlight, 3))
+            painter.drawRect(self.rect_of(*self.place).adjusted(1, 1, -1, -1))
 
     def _apply(self, x: int | None, y: int) -> None:
         """Change a stitch, or the colour of a stitch or a row."""
@@ -217,6 +350,12 @@ class KnitChart(QWidget):
             self._under = place
             self.hovered.emit("" if place is None else self.describe(*place))
             self.update()
+
+
+def _is_own_key(event: QKeyEvent) -> bool:
+    """Return whether the chart uses a key, so that menus may not."""
+    is_own = event.text().lower() in (*KEYS, " ") or event.key() in _STEPS
+    return is_own and not event.modifiers() & _COMMANDS
 
 
 def _paint_cable(painter: QPainter, rect: QRectF, is_left: bool, color: QColor) -> None:

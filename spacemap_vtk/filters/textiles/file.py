@@ -33,8 +33,13 @@ class File(TextileKind):
 
     file = FilePath(
         None,
-        "File of yarns: .tg3, .bcc, .yarns, .csv, or lines in .vtp.",
+        "File of yarns: .tg3, .bcc, .yarns, .smobj, .csv, or lines in .vtp.",
         automatic="no file",
+    )
+    library = FilePath(
+        None,
+        "Library of faces (.sf) of a stitch mesh (.smobj), with the yarns in each type of face.",
+        automatic="the one in the folder of the mesh",
     )
     relax = Flag(False, "Let the yarns of a file come to rest; ends of yarns are held.")
     repeats = Vector(
@@ -66,8 +71,17 @@ class File(TextileKind):
             raise InputError(
                 "no file is given", key="file", allowed=registry.describe_readers("yarns")
             )
-        given = (self.file, self.unit, self.diameter, self.period, self.relax, self.keep_cell)
-        state = *given, modification_time(self.file)
+        given = (
+            self.file,
+            self.unit,
+            self.diameter,
+            self.period,
+            self.relax,
+            self.keep_cell,
+            self.library,
+        )
+        times = (modification_time(each) for each in (self.file, self.library) if each)
+        state = *given, *times
         if state not in _read:
             made = make_file_yarns(*given, progress=progress)
             _read.clear()

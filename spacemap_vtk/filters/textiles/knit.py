@@ -97,9 +97,15 @@ class Knit(TextileKind):
     rows = Stitches("stockinette", "Stitches of a repeat, seen from the face.")
     chart = Chart(
         None,
-        "Colours of the stitches of a repeat, a letter each: A is the first colour of color. Yarns "
-        "float behind the stitches of others.",
+        "Colours of the stitches of a repeat, a letter each: A is the first colour of color.",
         automatic="colours are repeated over the courses",
+    )
+    back = Choice(
+        "floats",
+        "Back of a chart. floats: yarns float behind the stitches of others; knitted: a second bed "
+        "of needles knits them there, in turns (jacquard with a bird's-eye back). Its stitches are "
+        "not counted as wales.",
+        ["floats", "knitted"],
     )
     wales = Integer(8, "Number of stitches in a course.", minimum=1, maximum=10_000)
     courses = Integer(8, "Number of courses.", minimum=1, maximum=10_000)
@@ -182,9 +188,31 @@ class Knit(TextileKind):
         return float(self.set_share)
 
     @property
+    def _has_second_bed(self) -> bool:
+        """Whether needles of a second bed are between those of the first one."""
+        return bool(self.back == "knitted")
+
+    @property
+    def _beds(self) -> int:
+        """Number of beds of needles."""
+        return 2 if self._has_second_bed else 1
+
+    @property
+    def _repeat(self) -> int:
+        """Number of wales of a repeat."""
+        return len(self._passes[0].letters) // self._beds
+
+    @property
     def _passes(self) -> list[Pass]:
         """The passes of a repeat."""
-        passes = plan_passes(self.rows, self.chart or ())
+        if self._has_second_bed and self.chart is None:
+            raise InputError(
+                "a knitted back needs a chart of colours",
+                key="back",
+                value=self.back,
+                cure='Give a chart, or set back = "floats".',
+            )
+        passes = plan_passes(self.rows, self.chart or (), self._has_second_bed)
         if self.chart is not None and (most := max(each.color for each in passes)) >= (
             count := len(self.palette)
         ):
@@ -205,7 +233,9 @@ class Knit(TextileKind):
         counts = np.cumsum([column_starts(each)[-1] for each in passes])
         found = cache.load(key, points=(int(counts[-1]), 3), cell=(2, 3), overlap=(1,))
         if found is None:
-            made = relax_knit(self.rows, length, self.chart or (), self._spacings, progress)
+            made = relax_knit(
+                self.rows, length, self.chart or (), self._spacings, progress, self._has_second_bed
+            )
             points = np.concatenate([yarn.points for yarn in made.yarns])
             found = {"points": points, "cell": made.cell, "overlap": np.array([made.overlap])}
             cache.store(key, **found)
@@ -232,8 +262,9 @@ class Knit(TextileKind):
         """Whether there are knit and purl stitches only, of one colour in a row."""
         passes = self._passes
         stitches = {letter for each in passes for letter in each.letters}
-        is_crossed = any(each.cables for each in passes)
-        return stitches <= set("kp") and not is_crossed and len(passes) == passes[-1].row + 1
+        is_moved = any(each.cables or each.decreases for each in passes)
+        is_single = len(passes) == passes[-1].row + 1 and not self._has_second_bed
+        return stitches <= set("kp") and not is_moved and is_single
 
     @property
     def _turns(self) -> bool:
@@ -278,7 +309,7 @@ class Knit(TextileKind):
         """Return the yarns of a tube, in diameters; None if the sides are not joined."""
         if self.edges != "joined":
             return None
-        (yarns, cell, _), count = self.rest(), len(self._passes[0].letters)
+        (yarns, cell, _), count = self.rest(), self._repeat
         if self.wales % count or self.wales < max(LEAST_ROUND, 3 * count):
             raise InputError(
                 "repeats do not close a tube",
@@ -421,7 +452,7 @@ class Knit(TextileKind):
         passes = self._passes
         points = sum(column_starts(each)[-1] for each in passes)
         return int(points * PARTS * self.wales * self.courses) // (
-            len(passes[0].letters) * (passes[-1].row + 1)
+            self._repeat * (passes[-1].row + 1)
         )
 
     def lines(self, progress: Progress | None = None) -> list[Floats]:
@@ -431,7 +462,7 @@ class Knit(TextileKind):
         if (tube := self.tube()) is not None:
             passes, rows = self._passes, self._passes[-1].row + 1
             laid = courses_and_passes(passes, self.courses)
-            repeats = self.wales // len(passes[0].letters)
+            repeats = self.wales // self._repeat
             rings = repeat_round(tube, [(course // rows, n) for course, n in laid], repeats)
             return [ring * self.scale for ring in rings]
         if (piece := self.bound_piece(progress)) is not None:
@@ -445,7 +476,7 @@ class Knit(TextileKind):
             rest.yarns,
             rest.cell,
             self._passes,
-            self.wales,
+            self.wales * self._beds,
             self.courses,
             sides,
             joined,
@@ -456,7 +487,7 @@ class Knit(TextileKind):
     def figures(self, rest: Rest) -> list[FabricFigure]:
         """Return spacings, loop length, and their ratios."""
         passes = self._passes
-        wale = float(rest.cell[0, 0]) / len(passes[0].letters) * self.size
+        wale = float(rest.cell[0, 0]) / self._repeat * self.size
         course = float(rest.cell[1, 1]) / (passes[-1].row + 1) * self.size
         loop = self.stitch_length or STITCH * self.size
         found = [
@@ -467,7 +498,7 @@ class Knit(TextileKind):
             FabricFigure("kw", "loop length over wale spacing", loop / wale),
         ]
         if (tube := self.tube()) is not None:
-            repeats = self.wales // len(passes[0].letters)
+            repeats = self.wales // self._repeat
             mean = float(tube.cell[0, 0]) * repeats / np.pi * self.size
             found.append(FabricFigure("tube_diameter", "diameter of the tube", mean, "m"))
         return found

@@ -1,4 +1,4 @@
-"""Read and write yarns as curves: TexGen (.tg3), collections (.bcc), .yarns; read .csv, .vtp."""
+"""Read yarns as curves: TexGen (.tg3), .bcc, .yarns, .smobj, .csv, .vtp; write .tg3 and .bcc."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ reads(".bcc", ".bccx", label="Binary curve collection", holds="yarns")(
 reads(".yarns", label="Yarns of a stitch mesh", holds="yarns")(
     lazy_function("yarns.stitch_mesh", "read_yarns")
 )
-reads(".smobj", label="Stitch mesh, which is refused", holds="yarns", common=False)(
-    lazy_function("yarns.stitch_mesh", "refuse_smobj")
+reads(".smobj", label="Stitch mesh with a library of faces", holds="yarns")(
+    lazy_function("yarns.stitch_faces", "read_smobj")
 )
 reads(".csv", label="Points of yarns", holds="yarns", general=True)(
     lazy_function("yarns.tables", "read_csv")

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import damaged_error, truncated_error
 from spacemap_vtk.io.yarns.file_bytes import check_curves, join_ends, no_cell, read_yarn_bytes
 from spacemap_vtk.ndarrays import Floats
@@ -53,13 +52,13 @@ def read_yarns(path: Path) -> CurveSet:
             raise damaged_error(path, f"yarn {number} has points {begin} to {end}")
         if end - begin < 2:
             continue
-        nodes, periods = join_ends(_smooth(points[begin:end]))
+        nodes, periods = join_ends(smooth_polyline(points[begin:end]))
         red, green, blue, _ = each["color"].tolist()
         curves.append(Curve(nodes, periods, 2.0 * float(each["radius"]), color=(red, green, blue)))
     return CurveSet(check_curves(path, curves), no_cell(), False, None)
 
 
-def _smooth(points: Floats) -> Floats:
+def smooth_polyline(points: Floats) -> Floats:
     """Return the middles of a polyline's pieces, the points between them, and its ends."""
     middle = (points[:-1] + points[1:]) / 2
     found = np.empty((2 * len(middle) + 1, 3))
@@ -67,13 +66,3 @@ def _smooth(points: Floats) -> Floats:
     found[2:-1:2] = (middle[:-1] + 2 * points[1:-1] + middle[1:]) / 4
     found[0], found[-1] = points[0], points[-1]
     return found
-
-
-def refuse_smobj(path: Path) -> CurveSet:
-    """Refuse a stitch mesh, which has faces but no yarns."""
-    raise InputError(
-        f"{path}: a stitch mesh has no yarns, because they are in a library of its faces",
-        key="file",
-        allowed=".yarns",
-        cure="Make a .yarns file of both with smobj-to-yarns, of github.com/textiles-lab/smobj.",
-    )

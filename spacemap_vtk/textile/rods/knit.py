@@ -49,6 +49,7 @@ def relax_knit(
     chart: Sequence[str] = (),
     spacings: tuple[float | None, float | None] = (None, None),
     progress: Progress | None = None,
+    knitted_back: bool = False,
 ) -> Relaxed:
     """Relax a knit without friction or set, in a cell that follows its yarns.
 
@@ -61,10 +62,12 @@ def relax_knit(
     chart : sequence of str, optional
         Colours of a repeat, as for `plan_passes`; by default there is one.
     spacings : tuple of (float or None, float or None), optional
-        Wale and course spacing to which the knit is stretched [diameters]; None for that of yarns
-        at rest.
+        Wale and course spacing of the face to which the knit is stretched [diameters]; None for
+        that of yarns at rest.
     progress : callable, optional
         Called with the share that is done, 0 to 1; may raise to stop.
+    knitted_back : bool, optional
+        Whether a second bed knits the back of the chart, as for `plan_passes`.
 
     Returns
     -------
@@ -88,12 +91,11 @@ def relax_knit(
             value=f"{length:.4g} diameters",
             allowed=f"{SHORTEST:g} to {LONGEST:g} diameters; usual knits have up to 25",
         )
-    passes = plan_passes(rows, chart)
+    passes = plan_passes(rows, chart, knitted_back)
     drawing = draw_loops(passes, length)
+    wales = len(passes[0].letters) // (2 if knitted_back else 1)
     free, size = np.zeros((2, 3), dtype=bool), np.ones(3)
-    for axis, (given, count) in enumerate(
-        zip(spacings, (len(passes[0].letters), passes[-1].row + 1), strict=True)
-    ):
+    for axis, (given, count) in enumerate(zip(spacings, (wales, passes[-1].row + 1), strict=True)):
         free[axis, axis] = given is None
         if given is not None:
             size[axis] = given * count / drawing.cell[axis, axis]

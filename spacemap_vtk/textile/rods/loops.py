@@ -2,17 +2,18 @@
 
 A needle holds a stack of loops. In each pass a yarn is laid across all needles. A stitch (k, p)
 pulls a new loop through the whole stack, which is cast off: the new loop is all that the needle
-holds then. A tuck (t) adds an open loop to the stack. A miss (m) leaves the stack; the yarn floats
-behind it. All crossings follow from this, seen from the face along -z:
+holds then. A tuck (t) adds an open loop to the stack. A yarn over (y) is a tuck on an empty needle.
+A miss (m, f) leaves the stack; the yarn floats. All crossings follow from this, seen from the face
+along -z:
 
-- a new loop and one that it is pulled through: the legs of the new loop lie before the head of the
-  old one, and its feet behind the legs of the old one; a purl stitch is the other way round;
-- a float lies behind all loops that are there before it;
-- a tuck lies behind the loops that are there before it; where a purl stitch casts it off, before;
-- where stitches of a cable cross, half of them are in front.
+- a yarn passes between two beds: behind the loops that are there before it and that a knit stitch
+  casts off, before those that a purl stitch casts off;
+- the head and the legs of a new loop are on the other side of the loops that it is pulled through;
+- a float lies behind all loops that are there before it (m), or before them (f);
+- where stitches of a cable cross, half of them are in front; of a decrease, one after the other.
 
 A loop is drawn where it is made, and its head where it is cast off: loops that are held while other
-courses are knitted are longer, and those of a cable lean.
+courses are knitted are longer, and those of a cable, and between a yarn over and a decrease, lean.
 """
 
 from __future__ import annotations
@@ -25,25 +26,27 @@ import numpy as np
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.rods.crossings import Crossings, find_crossings
 from spacemap_vtk.textile.rods.lift import lift_yarns
-from spacemap_vtk.textile.rods.stitches import Pass
+from spacemap_vtk.textile.rods.stitches import Pass, needles_above
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Control points of a stitch, and of what a tuck and a miss lay below a needle. A span has the same
 #: length everywhere, so that these are lengths of yarn, too: 32, 23 and 8 parts of a stitch.
 POINTS = 32
-_SPANS = {"k": POINTS, "p": POINTS, "t": 23, "m": 8}
+_SPANS = {"k": POINTS, "p": POINTS, "t": 23, "y": 23, "m": 8, "f": 8}
 #: Wale and course spacing of the drawing, as shares of the length of a stitch.
 WALE, COURSE = 1 / 4, 1 / 5
 #: Shape of a loop that is drawn: width of its neck against the wale spacing, and height over the
 #: course spacing.
 _NECK, _HEIGHT = 0.18, 0.80
-#: By how much a loop is wider and higher than the next one of its stack, in the same spacings, and
-#: how much wider than the last one it is at most.
-_WIDER, _HIGHER, _WIDEST = 0.08, 0.1, 0.25
+#: By how much a loop is wider and higher than the next one of its stack, in the same spacings; by
+#: how much wider than the next one of a decrease, which it crosses; and how much wider it is at
+#: most than the last one.
+_WIDER, _HIGHER, _WIDER_JOINED, _WIDEST = 0.08, 0.1, 0.16, 0.25
 #: How far the feet of each yarn of a row lie above those of the one before, in course spacings.
 _APART = 0.15
-#: Room above a course for each stitch of a cable, in course spacings.
-_CROSSED = 0.5
+#: Room above a course for each stitch of a cable, and for each wale by which loops lean, in course
+#: spacings.
+_CROSSED, _LEANING = 0.5, 0.5
 
 
 class Drawing(NamedTuple):
@@ -67,9 +70,11 @@ class _Loops(NamedTuple):
     """(P, W) The needle at which that is."""
     above: Ints
     """(P, W) Number of loops that are laid on each one before it is cast off."""
-    cable: Ints
-    """(P, W) Number of the cable by which it is moved, from 1 on, negative for the half that is
-    behind; 0 for none."""
+    group: Ints
+    """(P, W) Number of the cable by which it is moved, or of the decrease that casts it off, from 1
+    on; 0 for none."""
+    depth: Ints
+    """(P, W) How many loops or halves of the group are before it."""
 
 
 def column_starts(each: Pass) -> Ints:
@@ -100,11 +105,18 @@ def draw_loops(passes: Sequence[Pass], length: float) -> Drawing:
     count, width = loops.letters.shape
     rows = np.array([each.row for each in passes])
     # Cables need room between the courses.
-    room = [_CROSSED * max((each.size for each in one.cables), default=0) for one in passes]
+    leans = {each.row: max(map(abs, each.shifts), default=0) for each in passes}
+    room = [
+        _CROSSED * max((each.size for each in one.cables), default=0)
+        + (_LEANING * leans[one.row - 1 if one.row else rows[-1]] if one.row != below else 0.0)
+        for below, one in zip([-1, *rows], passes, strict=False)
+    ]
     levels, height = rows + np.cumsum(room), rows[-1] + 1 + sum(room)
     size = np.array([WALE * length, COURSE * length, 0.0])
     cell = size * [[width, 0.0, 0.0], [0.0, height, 0.0]]
-    wider = min(_WIDER, _WIDEST / max(int(loops.above.max()), 1))
+    wider = np.minimum(
+        np.where(loops.group > 0, _WIDER_JOINED, _WIDER), _WIDEST / max(int(loops.above.max()), 1)
+    )
     flat, starts = [], []
     for number, each in enumerate(passes):
         foot = _APART * (number - int(np.argmax(rows == each.row)))
@@ -116,8 +128,8 @@ def draw_loops(passes: Sequence[Pass], length: float) -> Drawing:
             above = int(loops.above[number, needle])
             part = (
                 _draw_float(foot)
-                if letter == "m"
-                else _draw_loop(np.array([lean, held]), foot, above, wider)
+                if letter in "mf"
+                else _draw_loop(np.array([lean, held]), foot, above, wider[number, needle])
             )
             parts.append(part + np.array([needle, levels[number], 0.0]))
         flat.append(Yarn(size * np.concatenate(parts), (1, 0)))
@@ -139,24 +151,33 @@ def _hang_loops(passes: Sequence[Pass]) -> _Loops:
     count, width = letters.shape
     # Backwards: the next pass that casts off, with what is laid until then, as seen by a loop on
     # each needle. Two repeats, so that stacks that are held across the border are counted, too.
-    cast_off, at, above, cable = np.zeros((4, count, width), dtype=np.int64)
-    state = np.zeros((4, width), dtype=np.int64)
-    first = np.cumsum([0, *(len(each.cables) for each in passes)])
+    cast_off, at, above, group, depth = found = np.zeros((5, count, width), dtype=np.int64)
+    state = np.zeros((5, width), dtype=np.int64)
+    groups = [len(each.cables) + len(each.decreases) for each in passes]
+    first = np.cumsum([1, *groups])
     for number in range(2 * count - 1, -1, -1):
         turn, own = divmod(number, count)
-        cast_off[own], at[own], above[own], cable[own] = state
+        found[:, own] = state
         cast_off[own] -= turn * count
         for needle, letter in enumerate(letters[own]):
             if letter in "kp":
-                state[:, needle] = number, needle, 0, 0
+                state[:, needle] = number, needle, 0, 0, 0
             state[2, needle] += letter == "t"
-        for place, (left, size, is_left) in enumerate(passes[own].cables, first[own] + 1):
+        if own and passes[own - 1].row == passes[own].row:
+            continue
+        state = state[:, needles_above(passes[own - 1])]
+        for place, (left, size, is_left) in enumerate(passes[own].cables, first[own]):
             half = size // 2
-            state[3, left : left + half] = place if is_left else -place
-            state[3, left + half : left + size] = -place if is_left else place
-            moved = slice(left, left + size)
-            state[:, moved] = np.roll(state[:, moved], half, axis=1)
-    return _Loops(letters, cast_off, at, above, cable)
+            state[3, left : left + size] = place
+            state[4, left : left + half] = is_left
+            state[4, left + half : left + size] = not is_left
+        for place, (left, order) in enumerate(
+            passes[own].decreases, first[own] + len(passes[own].cables)
+        ):
+            joined = left + np.array(order)
+            state[3, joined], state[4, joined] = place, np.arange(len(order))
+            state[2, joined] += np.arange(len(order))[::-1]
+    return _Loops(letters, cast_off, at, above, group, depth)
 
 
 def _draw_float(foot: float) -> Floats:
@@ -219,19 +240,23 @@ def _order_crossings(
         needle[on] = np.searchsorted(start, at, side="right") - 1
         height = yarn.points[:, 1] / course - levels[number]
         level[on] = np.interp(at, np.arange(start[-1] + 1), np.append(height, height[0]))
-    # What is laid later decides: its letter, and which part of it crosses the earlier one.
+    # What is laid later decides, by the bed on which the earlier loop hangs.
     turn = np.stack([np.zeros(len(crossings.signs), dtype=np.int64), crossings.shift[:, 1]], axis=1)
-    side = (crossings.yarns + count * turn).argmax(axis=1)
-    new = (np.arange(len(side)), side)
-    pass_, at = crossings.yarns[new], needle[new]
+    laid = crossings.yarns + count * turn
+    side = laid.argmax(axis=1)
+    (new, old), rows = (side, 1 - side), np.arange(len(side))
+    pass_, at = crossings.yarns[rows, new], needle[rows, new]
+    held = crossings.yarns[rows, old], needle[rows, old]
+    caster = loops.cast_off[held]
     letter = loops.letters[pass_, at]
-    by = loops.letters[loops.cast_off[pass_, at] % count, loops.needle[pass_, at]]
-    is_head = level[new] > -0.5
-    is_before = np.where(letter == "t", by == "p", (letter != "m") & (is_head == (letter == "k")))
+    by = loops.letters[caster % count, loops.needle[held]]
+    is_pulled = (caster + count * turn[rows, old] == laid[rows, new]) & (loops.needle[held] == at)
+    is_pulled &= np.isin(letter, ["k", "p"]) & (level[rows, new] > -0.5)
+    is_before = np.where(np.isin(letter, ["m", "f"]), letter == "f", is_pulled != (by == "p"))
     first_is_above = is_before == (side == 0)
-    cable = loops.cable[crossings.yarns, needle]
-    crossed = (cable[:, 0] != 0) & (cable[:, 0] == -cable[:, 1])
-    return np.where(crossed, cable[:, 0] > 0, first_is_above)
+    group, depth = loops.group[crossings.yarns, needle], loops.depth[crossings.yarns, needle]
+    ordered = (group[:, 0] > 0) & (group[:, 0] == group[:, 1]) & (depth[:, 0] != depth[:, 1])
+    return np.where(ordered, depth[:, 0] < depth[:, 1], first_is_above)
 
 
 def _reorder(found: Crossings, first_is_above: Bools) -> Crossings:
