@@ -57,6 +57,11 @@ TEXTILES: dict[str, tuple[str, dict[str, str]]] = {
     "rib": ("rib_2x2", {"textile.wales": "60", "textile.courses": "36", **NEAR}),
     "seed": ("seed_stitch", {"textile.wales": "24", "textile.courses": "30", **NEAR}),
     "tricot": ("tricot", {"textile.wales": "18", "textile.courses": "26", **NEAR}),
+    "eyelet": ("eyelet", {"textile.wales": "30", "textile.courses": "33", **ALONG}),
+    "feather_and_fan": (
+        "feather_and_fan",
+        {"textile.wales": "48", "textile.courses": "44", **ALONG},
+    ),
     "plait": ("three_strand_plait", ALONG),
     "tubular_braid": ("tubular_braid", {"textile.repeats_along": "16", **ALONG}),
     "orthogonal_weave": ("orthogonal_weave", {"view.zoom": "1.2"}),

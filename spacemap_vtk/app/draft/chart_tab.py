@@ -27,7 +27,7 @@ _SECTION = "textile"
 _KEYS = ("rows", "chart", "color")
 _HINT = (
     "Drag to set stitches or to paint · Strip: colour of a row · Right button: pick a colour · "
-    "Keys: letters set stitches, arrows move, Enter goes to the next row, space repeats"
+    "Keys: letters, arrows, Enter, space"
 )
 #: The key of each stitch.
 _KEY_OF = {word: key for key, word in KEYS.items()}
@@ -73,7 +73,7 @@ class ChartTab(QWidget):
         self.palette_row = Palette()
         self.hint = note(_HINT, alignment=Qt.AlignmentFlag.AlignTop)
         # Fixed height: otherwise the chart would move under the mouse when the hint changes.
-        self.hint.setFixedHeight(2 * self.hint.fontMetrics().height() + 2)
+        self.hint.setFixedHeight(3 * self.hint.fontMetrics().height() + 2)
         self.placeholder = note(alignment=Qt.AlignmentFlag.AlignCenter)
         self.tools = QWidget()
         self._make_tools()
