@@ -24,6 +24,7 @@ from PySide6.QtWidgets import (
     QListWidget,
     QListWidgetItem,
     QPushButton,
+    QSizePolicy,
     QToolButton,
     QWidget,
 )
@@ -91,9 +92,11 @@ class Gallery(QWidget):
         for preset in presets:
             buttons.append(tool_button(preset.text()))
             buttons[-1].setDefaultAction(preset)
+            buttons[-1].setAutoRaise(False)
+            buttons[-1].setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         half = (len(buttons) + 1) // 2
-        self.layout().insertLayout(3, row(None, *buttons[:half], None))
-        self.layout().insertLayout(4, row(None, *buttons[half:], None))
+        self.layout().insertLayout(3, row(None, *buttons[:half]))
+        self.layout().insertLayout(4, row(None, *buttons[half:]))
 
     def showEvent(self, event: QShowEvent) -> None:
         """Load the thumbnails when the tab is first shown."""
