@@ -158,6 +158,30 @@ class _State(types.SimpleNamespace):
         return None
 
 
+def test_the_page_goes_to_a_saved_camera() -> None:
+    camera = '{name = "hem", position = [0.1, 0, 0.2], focal_point = [0, 0, 0], height = 0.03}'
+
+    async def ask() -> None:
+        state = _State()
+        session = Session("plain_weave", [f"view.cameras=[{camera}]"], state)
+        work = asyncio.create_task(session.run())
+        try:
+            assert {"name": "hem", "label": "hem"} in state.cameras
+            while session.screen.frame is None:
+                await asyncio.sleep(0.002)
+            session.aim("hem")
+            shown = session.screen.window.camera
+            assert shown.GetPosition() == (0.1, 0.0, 0.2)
+            assert (shown.GetParallelProjection(), shown.GetParallelScale()) == (1, 0.015)
+            session.aim("front")
+            assert not shown.GetParallelProjection()
+        finally:
+            work.cancel()
+            session.close()
+
+    asyncio.run(ask())
+
+
 def test_outdated_run_is_cancelled_for_the_newest_request(monkeypatch):
     monkeypatch.setattr("spacemap_vtk.app.web.session.CANCEL_AFTER", 0.0)
 

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from spacemap_vtk.cli.options import (
     PICTURE,
     ColorBy,
+    Light,
     Paired,
     Quiet,
     SceneName,
@@ -59,6 +60,7 @@ def figure(
     paired: Paired = False,
     color: ColorBy = None,
     style: Style = None,
+    light: Light = None,
     cage: Annotated[
         bool, flag("Draw the cages in a row above the pictures.", group=PICTURE)
     ] = False,
@@ -113,7 +115,7 @@ def figure(
         spacemap figure plain_weave -o damping.pdf --color displacement \\
             --set response.alpha=0,5,50 --times 20ms,60ms,100ms
     """
-    chosen = open_scene(scene, color=color, style=style)
+    chosen = open_scene(scene, color=color, style=style, light=light)
     lists = []
     for assignment in set_:
         if len(parse_value_list(assignment, chosen.parts).values) > 1:

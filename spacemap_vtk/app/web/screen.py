@@ -80,16 +80,18 @@ class Screen:
             self.aim(self._preset[0])
 
     def aim(self, name: Aim | None) -> None:
-        """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
+        """Aim at the whole scene, or from a viewpoint; None keeps the direction."""
         if self.frame is None:
             return
         camera, (width, height) = self.window.camera, self.window.size
         points = extent_of(self.frame, self._view.loads)
         aspect = (1.0 - self.scene_view.scale_width) * width / height
         flat = camera.GetParallelProjection() if name is None else name == FLAT
+        if isinstance(name, Viewpoint):
+            flat = name.parallel_scale > 0.0
         aim_camera(camera, points, aspect, name, self._view.zoom if name else 1.0)
         camera.SetParallelProjection(flat)
-        if name != FLAT:
+        if not (name == FLAT or (isinstance(name, Viewpoint) and flat)):
             camera.SetParallelScale(half_height(camera))
         self._preset = name, self._place
         self.version += 1

@@ -16,6 +16,7 @@ from spacemap_vtk.app.work.frame_request import CANCEL_AFTER, FrameRequest
 from spacemap_vtk.app.work.pipeline import Pipeline
 from spacemap_vtk.cancel import Cancelled, CancelToken
 from spacemap_vtk.datasets.modal_model import solver_results
+from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.errors import InputError, SpacemapError, format_error
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parse_value, split_assignment
@@ -85,6 +86,7 @@ class Session:
             {"name": n, "label": each.label, "help": each.help} for n, each in PRESETS.items()
         ]
         state.cameras = [{"name": n, "label": n.capitalize()} for n in CAMERAS if n != "side"]
+        state.cameras += [{"name": c.name, "label": c.name} for c in self.scene.view.cameras]
         self._send_state()
         self.request_frame()
 
@@ -164,9 +166,10 @@ class Session:
         self._follow_camera()
 
     def aim(self, name: str | None = None) -> None:
-        """Aim at the whole scene from one of `CAMERAS`; None keeps the direction."""
-        if name is None or name in CAMERAS:
-            self.screen.aim(name)
+        """Aim at the whole scene, or from a saved camera; None keeps the direction."""
+        saved = {c.name: Viewpoint.from_saved(c) for c in self.scene.view.cameras}
+        if name is None or name in CAMERAS or name in saved:
+            self.screen.aim(saved.get(name or "", name))
             self._follow_camera()
 
     def steer(self, moves: Sequence[tuple[str, float, float]]) -> None:
