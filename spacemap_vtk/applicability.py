@@ -265,13 +265,15 @@ LIMITS: dict[str, Limit] = {
         stage="modal",
         model="a sheet of relaxed yarns",
         assumes="round yarns without friction; those of a weft knit are straight if free, all "
-        "others are set in their shape; a linear law holds for strains of a few thousandths",
+        "others are set in their shape, without any force there; a linear law holds for strains of "
+        "a few thousandths, in which what touches stays in touch",
         quantity="",
         found="",
         most=math.inf,
         unit="",
         basis="energies of one cell (`spacemap_vtk.textile.rods.stiffness`); the tangent of "
-        "stockinette at rest is four to five times its secant at 4 %",
+        "stockinette at rest is four to five times its secant at 4 %, that of heat-set tricot ten "
+        "times",
         beyond="friction makes real knits stiffer in bending and shear, and set lets them curl "
         "less; loops stiffen as they straighten",
         cure='give measured values ([modal] bending_rigidity, shear_rigidity), or law = "yarns"',

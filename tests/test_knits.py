@@ -116,6 +116,19 @@ def test_a_chart_needs_a_color_for_each_letter_and_cut_edges():
             TextileSource(color=["#ff0000", "#00ff00"], edges="turned", **values).update()
 
 
+@pytest.mark.nightly
+def test_yarns_turn_beside_cables_and_are_bound_off_beyond_misses():
+    cable = ["ppk4pp"] * 5 + ["ppc4fpp"]
+    size = {"stitch_length": "8.25 mm", "wale_spacing": "2.05 mm", "course_spacing": "1.55 mm"}
+    turned = Knit(rows=cable, wales=8, courses=12, edges="turned", **size)
+    assert len(turned.lines()) == 1
+    missed = Knit(rows=["k4"] * 5 + ["kmkk"] + ["k4"] * 2, wales=8, courses=11, ends="bound")
+    # the cast-on, the courses, and the chain
+    assert len(missed.lines()) == 13
+    for knit in (turned, missed):
+        assert knit.largest_overlap(knit.rest()) < 0.005
+
+
 def test_yarns_of_a_chart_have_the_colors_of_their_stitches():
     red, white = (200, 0, 0), (255, 255, 255)
     knit = TextileSource(wales=2, courses=2, chart=["AB", "BA"], color=[red, white])

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+from spacemap_vtk import ModalSolver, TetraCage, TextileSource, connect
 from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.filters.textile_sheet import (
@@ -120,8 +122,6 @@ def test_a_blocked_knit_is_set():
     plate = sheet_of_textile(blocked).plate
     assert plate.curvature is None
     assert np.linalg.eigvalsh(plate.membrane).min() > 0.0
-    with pytest.raises(InputError, match="its law is linear"):
-        law_of_textile(blocked)
 
 
 def test_what_is_no_sheet_is_refused():
@@ -180,6 +180,39 @@ def test_data_state_their_textile():
         given.pop("color", None)
         assert type(found) is type(kind)
         assert found.given_values == given
+
+
+def test_a_solver_takes_the_yarns_that_its_cage_states():
+    # as in ParaView, where nothing else hands them to it
+    mesh = {"kind": "mesh", "diameter": MM, "tension": 60.0, "bending": 2e-8}
+    source, cage = TextileSource(**mesh), TetraCage(divisions=(4, 4, 1))
+    solver = ModalSolver(elements="sheet", material="yarns", fixed="-x", modes=3)
+    solver.gravity = (0.0, 0.0, -9.81)
+    connect(source, cage, solver)
+    output = solver.update().output
+    assert solver.law_in_use() == "linear"
+    rigidity = vtk_to_numpy(output.GetFieldData().GetArray("bending_rigidity"))
+    plate = sheet_of_textile(Mesh(diameter=MM, tension=60.0, bending=2e-8)).plate
+    assert rigidity == pytest.approx(np.diag(plate.bending)[[1, 0]], rel=1e-4)
+
+
+def test_the_stiffness_of_a_knit_reports_progress_and_can_be_stopped():
+    class Stopped(Exception):
+        pass
+
+    shares: list[float] = []
+
+    def stop(share: float) -> None:
+        shares.append(share)
+        if share >= 0.5:
+            raise Stopped
+
+    knit = Knit(diameter=MM, stitch_length=15.5 * MM, tension=60.0, bending=2e-8)
+    knit.rest()
+    with pytest.raises(Stopped):
+        sheet_of_textile(knit, stop)
+    assert shares == [0.0, *sorted(shares[1:])]
+    assert len(shares) > 2
 
 
 def test_a_strip_of_a_plait_says_what_it_assumes():
@@ -311,11 +344,6 @@ def test_a_knit_that_is_pulled_with_free_sides_contracts_as_its_cell_does():
         height = brentq(lambda y: pull(y)[1], 0.8, 1.05)
         assert height == pytest.approx(cell[1, 1] / rest[1][1, 1], abs=0.01)
         assert pull(height)[0] == pytest.approx(force, rel=0.3)
-
-
-def test_yarns_that_are_set_have_no_other_law():
-    with pytest.raises(InputError, match="its law is linear"):
-        law_of_textile(Mesh(tension=60.0, bending=2e-8))
 
 
 def test_a_knit_that_slides_on_a_small_ball_is_refused_with_the_cure() -> None:

@@ -29,7 +29,7 @@ from spacemap_vtk.mechanics.modal.cage_modes import CageModes
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.crimp.cloth_law import YarnLaw
-from spacemap_vtk.textile.rods.cell_law import CellLaw
+from spacemap_vtk.textile.rods.cell_law import CellLaw, SetCellLaw
 
 #: Name of the point array that holds a mode shape.
 MODE_NAME = "mode_{:03d}"
@@ -49,7 +49,7 @@ _CURVATURE = "natural_curvature"
 #: Names of the field arrays of a sheet's law: its kind, and the prefix of its own arrays.
 _LAW, _LAW_ARRAY = "membrane_law", "membrane_law_{}"
 #: Laws that can be read again, by kind.
-_LAWS = {law.kind: law for law in (LinearLaw, YarnLaw, CurveLaw, CellLaw)}
+_LAWS = {law.kind: law for law in (LinearLaw, YarnLaw, CurveLaw, CellLaw, SetCellLaw)}
 
 #: Name of the field array of the gravity in the equilibrium, or after the cage's release [m/s²].
 GRAVITY_IN_FORCE = "equilibrium_gravity"

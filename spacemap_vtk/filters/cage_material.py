@@ -18,7 +18,7 @@ from spacemap_vtk.mechanics.elements.materials import fabric_to_xyz, isotropic, 
 from spacemap_vtk.mechanics.elements.measured_fabrics import FABRICS
 from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements, homogeneous_plate
 from spacemap_vtk.mechanics.elements.shell import SHEET_ASPECT
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Parameterised, Real, Vector
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
 from spacemap_vtk.textile.crimp.stiffness import cloth_stiffness
@@ -255,6 +255,10 @@ class CageMaterial(Parameterised):
         when=_SHEET,
     )
 
+    def progress_of(self, step: str) -> Progress | None:
+        """Return what reports the share of a step that is done; None where nothing shows it."""
+        return None
+
     def check_material(self, yarns: YarnParameters | YarnMechanics | StatedYarns | None) -> None:
         """Check what can be checked without a cage; `yarns` are those of the weave in it."""
         if self.material == WOVEN and self.elements != "tetrahedra":
@@ -344,7 +348,7 @@ class CageMaterial(Parameterised):
     ) -> Plate:
         """Return the stiffness of the sheet that the yarns of a cloth form."""
         if isinstance(cloth, TextileKind):
-            return sheet_of_textile(cloth).plate
+            return sheet_of_textile(cloth, self.progress_of("stiffness of the yarns")).plate
         if yarns is None or isinstance(yarns, StatedYarns):
             raise InputError(
                 "the stiffness of the yarns is not given",

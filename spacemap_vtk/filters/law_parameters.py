@@ -35,9 +35,10 @@ class LawParameters(CageMaterial):
         None,
         "Law of a sheet's membrane. linear: the stress is the stiffness times the strain; slack "
         "cloth pushes as hard as taut cloth pulls. yarns: the energy of the yarns as they exchange "
-        "crimp, are slack, straighten or jam, and touch each other in shear; of a knit, that of "
-        "its strained loops, which takes half a minute once. curves: forces that were measured, "
-        "see warp_curve. Small vibrations about an undeformed sheet are linear with each of them.",
+        "crimp, are slack, straighten or jam, and touch each other in shear; of a textile, that of "
+        "its strained cell, which takes half a minute to some minutes once. curves: forces that "
+        "were measured, see warp_curve. Small vibrations about an undeformed sheet are linear with "
+        "each of them.",
         ["linear", "yarns", "curves"],
         automatic='yarns with material = "yarns" of a weave; curves with warp_curve; otherwise, or '
         "with tensile_rigidity or poissons_ratio_in_plane, linear",
@@ -73,9 +74,6 @@ class LawParameters(CageMaterial):
     def has_textile(self) -> bool:
         """Whether the yarns are those of a textile, whose law takes long."""
         return False
-
-    def report_law(self, share: float) -> None:
-        """Report which share of a law is tabulated."""
 
     def law_in_use(self) -> str:
         """Return the law that applies; refuse contradictory values."""
@@ -141,7 +139,7 @@ class LawParameters(CageMaterial):
         """Add the law of the membrane to a plate, which has its stiffness at rest."""
         law = self.law_in_use()
         if isinstance(cloth, TextileKind) and law == "yarns":
-            found_law = law_of_textile(cloth, self.report_law)
+            found_law = law_of_textile(cloth, self.progress_of("law of the yarns"))
             return replace(plate, law=found_law.with_shear(float(plate.membrane[2, 2])))
         if law == "linear":
             return plate

@@ -7,6 +7,7 @@ import math
 import time as clock
 import weakref
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -51,7 +52,7 @@ from spacemap_vtk.filters.obstacle import Obstacles
 from spacemap_vtk.filters.rest_states import RestState, RestTask, load_or_solve_rest
 from spacemap_vtk.filters.shape_limits import LAW_CRIMP, check_folds, check_strains
 from spacemap_vtk.filters.textile import StatedYarns
-from spacemap_vtk.filters.textile_sheet import content_of, sheet_of_textile
+from spacemap_vtk.filters.textile_sheet import content_of, sheet_of_textile, textile_of
 from spacemap_vtk.filters.textiles.kind import TextileKind
 from spacemap_vtk.filters.yarn_parameters import YarnParameters
 from spacemap_vtk.io.rest_state import read_rest_state
@@ -77,7 +78,7 @@ from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.mechanics.modal.sheet_cells import FEWEST, SheetCells, choose_sheet_cells
 from spacemap_vtk.mechanics.response.oscillator import LOST
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Floats, Ints
+from spacemap_vtk.ndarrays import Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, FilePath, Flag, Integer, Real, Vector
 from spacemap_vtk.textile.crimp.cloth_law import YarnLaw
 from spacemap_vtk.textile.crimp.interchange import YarnMechanics
@@ -300,9 +301,9 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         """Whether the yarns are those of a textile, whose law takes long."""
         return isinstance(self._yarns, StatedYarns)
 
-    def report_law(self, share: float) -> None:
-        """Report which share of a law is tabulated."""
-        self.report_progress(share, "law of the yarns")
+    def progress_of(self, step: str) -> Progress:
+        """Return what reports the share of a step that is done."""
+        return partial(self.report_progress, step=step)
 
     def check(self) -> None:
         """Check the material."""
@@ -314,6 +315,8 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         """Assemble the matrices, solve, and attach the modes as point arrays."""
         self.report_progress(0.0)
         grid = inputs[0]
+        if self._yarns is None and textile_of(grid) is not None:
+            self._yarns = StatedYarns()
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         self.choose_modulus(vertices, elements, up_axis(grid))
         held, fittings, warnings = self.make_fittings(grid, vertices, elements)

@@ -23,17 +23,24 @@ from spacemap_vtk.filters.textiles.kind import Rest, TextileKind
 from spacemap_vtk.mechanics.elements.plates import Plate, apply_measurements
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import Floats, Progress
-from spacemap_vtk.textile.rods.cell_law import RAYS, CellLaw, tabulate_cell
+from spacemap_vtk.textile.rods.cell_law import (
+    CellLaw,
+    SetCellLaw,
+    tabulate_cell,
+    tabulate_strip,
+)
 from spacemap_vtk.textile.rods.stiffness import (
     LEAST_MOMENT,
     SIDES,
     SOFTEST,
     CellStiffness,
+    cell_area,
     cell_stiffness,
     raise_to_floor,
     set_stiffness,
     settle_springs,
 )
+from spacemap_vtk.textile.rods.yarns import unknowns
 from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Name of the field array; those of a cloth begin so, and cages pass them on.
@@ -79,7 +86,7 @@ def content_of(data: vtkDataObject) -> Cloth | TextileKind | None:
 def sheet_of_textile(kind: TextileKind, progress: Progress | None = None) -> TextileSheet:
     """Compute the stiffness of a textile as a sheet, or load it."""
     rest = _require_sheet(kind, progress)
-    found, floors = _cell_stiffness(kind, rest)
+    found, floors = _cell_stiffness(kind, rest, progress)
     unit, force = kind.scale, kind.require_bending() / kind.scale**2
     membrane, bending = found.membrane * force / unit, found.bending * force * unit
     if kind.is_strip(rest):
@@ -127,27 +134,28 @@ def _require_sheet(kind: TextileKind, progress: Progress | None) -> Rest:
 
 def law_of_textile(kind: TextileKind, progress: Progress | None = None) -> CellLaw:
     """Compute the law of a textile's membrane from its strained cell, or load it."""
-    if not kind.springs:
-        raise InputError(
-            "the yarns of this textile are set in their shape, so that its law is linear",
-            key="law",
-            value="yarns",
-            cure='Leave out law, or measure the sheet and set law = "curves".',
-        )
     rest = _require_sheet(kind, None)
     unit, force = kind.scale, kind.require_bending() / kind.scale**2
-    membrane = _cell_stiffness(kind, rest)[0].membrane
+    membrane = _cell_stiffness(kind, rest, progress)[0].membrane
     key = _digest(kind, rest, "law")
-    found = _recent.get(key) or cache.load(key, values=(-1, RAYS), constants=(2,))
+    found = _recent.get(key) or cache.load(key, values=(-1, -1), constants=(2,))
     if found is None:
-        mechanics = kind.mechanics_of_sheet(rest)
-        yarns, cell = settle_springs(rest.yarns, rest.cell, mechanics)
-        made = tabulate_cell(yarns, cell, mechanics, membrane, progress)
+        mechanics, (yarns, cell) = kind.mechanics_of_sheet(rest), rest[:2]
+        if kind.springs:
+            yarns, cell = settle_springs(yarns, cell, mechanics)
+        else:
+            mechanics = mechanics._replace(set_in=unknowns(yarns, cell))
+        if kind.is_strip(rest):
+            width = cell_area(yarns, cell) / float(np.linalg.norm(cell))
+            along = float(membrane[1, 1])
+            made = tabulate_strip(yarns, cell, mechanics, width, along, progress)
+        else:
+            made = tabulate_cell(yarns, cell, mechanics, membrane, progress)
         found = {"values": made.values, "constants": np.array([made.scale, made.beyond])}
         cache.store(key, **found)
     _keep(key, found)
     constants = np.append(found["constants"], membrane[2, 2]) * force / unit
-    return CellLaw(found["values"], constants)
+    return (CellLaw if kind.springs else SetCellLaw)(found["values"], constants)
 
 
 def _digest(kind: TextileKind, rest: Rest, what: str) -> str:
@@ -158,13 +166,18 @@ def _digest(kind: TextileKind, rest: Rest, what: str) -> str:
         *(yarn.diameter for yarn in rest.yarns),
         np.concatenate([yarn.points for yarn in rest.yarns]),
         rest.cell,
-        *kind.mechanics_of_sheet(rest),
+        *kind.mechanics_of_sheet(rest)[:-1],
     )
 
 
-def _cell_stiffness(kind: TextileKind, rest: Rest) -> tuple[CellStiffness, list[bool]]:
+def _cell_stiffness(
+    kind: TextileKind, rest: Rest, progress: Progress | None
+) -> tuple[CellStiffness, list[bool]]:
     """Return a positive stiffness, and whether that of membrane and bending had to be raised."""
-    mechanics, key = kind.mechanics_of_sheet(rest), _digest(kind, rest, "sheet")
+    mechanics, key = (
+        kind.mechanics_of_sheet(rest),
+        _digest(kind, rest, "sheet" + ", shear of 1 %" * kind.springs),
+    )
     shapes = {"membrane": (3, 3), "bending": (2, 2), "moment": (2,), "raised": (2,)}
     found = _recent.get(key) or cache.load(key, **shapes)
     if found is None:
@@ -172,7 +185,7 @@ def _cell_stiffness(kind: TextileKind, rest: Rest) -> tuple[CellStiffness, list[
         if kind.springs:
             least = SOFTEST * float(np.diag(made.bending).min())
             yarns, cell = settle_springs(rest.yarns, rest.cell, mechanics)
-            made = cell_stiffness(yarns, cell, mechanics, SIDES)
+            made = cell_stiffness(yarns, cell, mechanics, SIDES, progress)
         if kind.is_strip(rest):
             raised = [False, False]
         else:

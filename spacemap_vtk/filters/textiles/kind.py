@@ -158,7 +158,7 @@ class TextileKind(Parameterised):
             *(yarn.diameter for yarn in guess.yarns),
             *(yarn.points for yarn in guess.yarns),
             guess.cell,
-            *guess.mechanics,
+            *guess.mechanics[:-1],
             guess.free,
             str(guess.stages),
         )

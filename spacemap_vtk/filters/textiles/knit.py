@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from spacemap_vtk import cache
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import GeometryError, InputError
 from spacemap_vtk.filters.textile import FabricFigure
 from spacemap_vtk.filters.textiles.kind import CONTACT, Rest, TextileKind, keep_recent, recent
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
 from spacemap_vtk.ndarrays import AnyInts, Bools, Floats, Ints, Progress
 from spacemap_vtk.parameters import Choice, Integer, Parameter, Real
 from spacemap_vtk.textile.rods.bound_piece import BoundPiece, relax_bound_piece
-from spacemap_vtk.textile.rods.ends import FREE, Ends, relax_ends
+from spacemap_vtk.textile.rods.ends import FREE, HELD, Ends, relax_ends
 from spacemap_vtk.textile.rods.energy import RodMechanics
 from spacemap_vtk.textile.rods.knit import (
     Selvedges,
@@ -141,7 +143,8 @@ class Knit(TextileKind):
         "cut",
         "Sides of the piece. cut: each course is a yarn of its own; turned: the yarn turns at the "
         "selvedges and knits the next course, except where the colour changes. Selvedges take some "
-        "seconds to relax, and need 3 wales of knit and purl stitches, of one colour a row. "
+        "seconds to relax, and need 3 wales, of which the outermost are knit or purl, in rows of "
+        "one colour. "
         "joined: a tube, as a sleeve, whose face is outside; each course is a ring of all wales.",
         ["cut", "turned", "joined"],
     )
@@ -150,9 +153,10 @@ class Knit(TextileKind):
         "cut",
         "Lower and upper end of the piece. cut: loops are open, and the knit ravels; bound: closed "
         "loops are cast on, and a chain binds the last loops off. Bound ends take some seconds to "
-        "relax, and need 4 courses of knit and purl stitches, of one colour each. With turned "
-        "sides, the yarn runs from the cast-on to the chain, where it is fastened off; such a "
-        f"piece has up to {MOST_BOUND} stitches, and takes longer.",
+        "relax, and need 4 courses, of which the first and last four are of knit and purl "
+        "stitches, in rows of one colour. With turned sides, the yarn runs from the cast-on to the "
+        f"chain, where it is fastened off; such a piece has up to {MOST_BOUND} stitches, only knit "
+        "and purl ones, and takes longer.",
         ["cut", "bound"],
     )
 
@@ -266,19 +270,47 @@ class Knit(TextileKind):
         is_single = len(passes) == passes[-1].row + 1 and not self._has_second_bed
         return stitches <= set("kp") and not is_moved and is_single
 
+    def _are_plain(self, rows: Iterable[int], wales: Iterable[int]) -> bool:
+        """Whether some stitches are knit or purl and no part of a cable, and rows of one colour."""
+        passes, columns = self._passes, tuple(wales)
+        if len(passes) > passes[-1].row + 1:
+            return False
+        return all(
+            each.letters[wale % len(each.letters)] in "kp"
+            and not (each.moves and each.moves[wale % len(each.letters)])
+            for each in (passes[row % len(passes)] for row in rows)
+            for wale in columns
+        )
+
     @property
     def _turns(self) -> bool:
         """Whether yarns turn at the sides of the piece."""
         if self.edges != "turned" or self.wales < 3:
             return False
-        if not self._is_plain:
+        if not self._are_plain(range(len(self._passes)), (0, self.wales - 1)):
             raise InputError(
-                "only the yarns of knit and purl stitches, of one colour a row, turn at the sides",
+                "yarns turn at the sides only where the first and the last stitch of each course "
+                "are knit or purl, in rows of one colour: held loops cannot turn",
                 key="edges",
                 value=self.edges,
-                cure='Set edges = "cut".',
+                cure='Write k or p at both sides of rows (see wales), or set edges = "cut".',
             )
         return True
+
+    @contextmanager
+    def _room_for(self, key: str) -> Iterator[None]:
+        """Name the edge of the piece at which yarns have no room beside held loops or cables."""
+        try:
+            yield
+        except GeometryError as error:
+            if self._is_plain:
+                raise
+            raise GeometryError(
+                f"held loops, floats or cables leave no room for this edge: {error.message}",
+                key=key,
+                value=getattr(self, key),
+                cure=f'Put more knit and purl stitches there, or set {key} = "cut".',
+            ) from error
 
     def sides(self, progress: Progress | None = None) -> Selvedges | None:
         """Return the relaxed selvedges, in diameters; None if there are none, or ends as well."""
@@ -292,7 +324,8 @@ class Knit(TextileKind):
             shapes = dict.fromkeys(names, (-1, 3))
             found = cache.load(key, **shapes, sizes=(3, -1), overlap=(1,))
             if found is None:
-                made = relax_selvedges(yarns, cell, passes, length, self.wales, progress)
+                with self._room_for("edges"):
+                    made = relax_selvedges(yarns, cell, passes, length, self.wales, progress)
                 found = {name: np.concatenate(getattr(made, name)) for name in names}
                 found["sizes"] = np.array([[*map(len, getattr(made, name))] for name in names])
                 found["overlap"] = np.array([made.overlap])
@@ -341,6 +374,14 @@ class Knit(TextileKind):
         """Return the piece with turned sides and bound ends, in diameters; None if others."""
         if self.ends == "cut" or not self._turns:
             return None
+        if not self._is_plain:
+            raise InputError(
+                "a piece that is cast on, turns and is bound off has only knit and purl stitches, "
+                "of one colour a row",
+                key="ends",
+                value=self.ends,
+                cure='Set ends = "cut", or edges = "cut".',
+            )
         self._require_plain_ends()
         if self.wales * self.courses > MOST_BOUND:
             raise InputError(
@@ -376,13 +417,18 @@ class Knit(TextileKind):
                 value=self.ends,
                 cure='Set ends = "cut", or edges = "cut".',
             )
-        if not self._is_plain or self.courses < 2 * FREE:
+        # The courses that follow an end, those by which they are held, and the one in its place.
+        near, last = FREE + HELD, self.courses
+        rows = [*range(-1, near), *range(last - near, last + 1)]
+        every = range(len(self._passes[0].letters))
+        if self.courses < 2 * FREE or not self._are_plain(rows, every):
             raise InputError(
-                f"only {2 * FREE} or more courses of knit and purl stitches, of one colour each, "
-                "are cast on and bound off",
+                f"only pieces of {2 * FREE} or more courses are cast on and bound off, whose first "
+                f"and last {near} courses, and the next ones of the repeat, have only knit and "
+                "purl stitches, in rows of one colour",
                 key="ends",
                 value=self.ends,
-                cure='Set ends = "cut".',
+                cure='Begin and end with such courses (see courses), or set ends = "cut".',
             )
 
     def both_ends(self, progress: Progress | None = None) -> Ends | None:
@@ -398,7 +444,8 @@ class Knit(TextileKind):
             each = (FREE, POINTS * count, 3)
             found = cache.load(key, **shapes, lower=each, upper=each)
             if found is None:
-                made = relax_ends(yarns, cell, length, self.courses, progress)
+                with self._room_for("ends"):
+                    made = relax_ends(yarns, cell, length, self.courses, progress)
                 found = {
                     "cast_on": made.cast_on.points,
                     "bind_off": made.bind_off.points,

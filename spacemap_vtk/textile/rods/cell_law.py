@@ -10,11 +10,17 @@ with a table of q: a cubic spline in φ and in the graded radius t. So the energ
 its tangent there is the Schur complement (`CellStiffness`), and the logarithm keeps the steep end
 of the curve, where loops are straight, from spoiling its soft beginning. Derivatives are exact.
 Shear is linear in the angle and apart from the stretch.
+
+Yarns that are set have no force at rest, not even where they touch. Where a strain presses them on
+each other, the energy begins with the stiffness at rest. Where it parts them, which the linear
+stiffness does not allow for, they hardly resist, and the energy begins as that of the first state.
+Between such directions a cubic spline would swing, so that Akima's replaces it in φ. A strip is
+stretched along y alone, and its energy across is taken to be the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,10 +40,20 @@ from spacemap_vtk.textile.rods.yarns import Yarn
 #: `_FINE` over the number of radii.
 RAYS, _RADII, _REACH, _FINE = 24, 31, 1.0, 0.02
 _SPAN = float(np.arcsinh(1.0 / _FINE))
+#: Set yarns that exchange crimp, which makes the square of C12 nearly C11 C22, have a narrow valley
+#: of little energy between being pulled and pressed: above this share they get twice the rays.
+_VALLEY = 0.8
+#: Rays on each side of one on which its Akima spline depends.
+_ROUND = 3
 #: Share of `_FINE` below which series replace quotients.
 _SERIES = 1e-2
 #: First step of a ray, growth of steps, and largest step.
 _FIRST, _GROWTH, _WIDEST = 0.01, 0.5, 0.06
+#: First step of yarns that are set, and their least stretch: they part at once if the cell is
+#: pressed, and only bend.
+_FIRST_SET, _LEAST_SET = 0.003, 0.7
+#: Share of the linear stiffness below which yarns that are set have parted in the first step.
+_PARTED = 0.5
 #: Radius up to which the energy is that of the stiffness at rest.
 _LINEAR = 1e-3
 #: Strain of a yarn at which a ray ends; spun yarns break at a few percent.
@@ -91,21 +107,114 @@ def tabulate_cell(
     SolverError
         If the yarns of a cell that is hardly strained do not come to rest.
     """
-    pull = float(mechanics.tension.max()) * len(yarns)
-    taut = pull / min(float(np.linalg.norm(side)) for side in cell)
+    taut = _taut_stiffness(yarns, min(float(np.linalg.norm(side)) for side in cell), mechanics)
+    area = float(np.linalg.norm(np.cross(*cell)))
     rest = relax_yarns(yarns, cell, mechanics, np.zeros((2, 3), dtype=bool), stages=[_STAGE])
     linear = stiffness[:2, :2]
     scale = float(np.trace(linear)) / 4 * _KNEE**2
     radii = _radius(np.linspace(0.0, 1.0, _RADII))
-    values = np.empty((_RADII, RAYS))
+    rays = RAYS
+    if mechanics.set_in is not None and linear[0, 1] ** 2 > _VALLEY * linear[0, 0] * linear[1, 1]:
+        rays = 2 * RAYS
+    values = np.empty((_RADII, rays))
+    for ray in range(rays):
+        angle = 2 * np.pi * ray / rays
+        way = np.array([np.cos(angle), np.sin(angle)])
+        limit = _LARGEST_STRAIN * taut
+        states = _march(rest.yarns, cell, mechanics, way, area, limit, rest.state.energy)
+        along = float(way @ linear @ way)
+        if mechanics.set_in is not None:
+            along = _stiffness_at_rest(states, along)
+        values[:, ray] = _fit_ray(radii, states, along, scale)
+        if progress is not None:
+            progress((ray + 1) / rays)
+    return CellTable(values, scale, taut)
+
+
+def tabulate_strip(
+    yarns: Sequence[Yarn],
+    cell: Floats,
+    mechanics: RodMechanics,
+    width: float,
+    stiffness: float,
+    progress: Progress | None = None,
+) -> CellTable:
+    """Strain a strip of set yarns along y, and tabulate its energy as that of a sheet.
+
+    Parameters
+    ----------
+    yarns : sequence of Yarn
+        Yarns in the shape in which they are set.
+    cell : ndarray of float64, shape (2, 3)
+        Period vectors, 0 and along y [m].
+    mechanics : RodMechanics
+        Stiffness of the yarns.
+    width : float
+        Width of the strip [m].
+    stiffness : float
+        Stiffness along it at rest [N/m].
+    progress : callable, optional
+        Called with the share that is done, 0 to 1; may raise to stop.
+
+    Returns
+    -------
+    CellTable
+        The energy of the strip along y, and the same along x: the sum of both.
+
+    Raises
+    ------
+    SolverError
+        If the yarns of a strip that is hardly strained do not come to rest.
+    """
+    taut = _taut_stiffness(yarns, width, mechanics)
+    area = width * float(np.linalg.norm(cell))
+    curves, stiff = [], []
+    for number, sign in enumerate((1.0, -1.0)):
+        way = np.array([0.0, sign])
+        states = _march(yarns, cell, mechanics, way, area, _LARGEST_STRAIN * taut, 0.0)
+        curves.append(_continue(states))
+        stiff.append(_stiffness_at_rest(states, stiffness))
+        if progress is not None:
+            progress((number + 1) / 2)
+    radii = _radius(np.linspace(0.0, 1.0, _RADII))
+    scale, values = stiff[0] / 2 * _KNEE**2, np.empty((_RADII, RAYS))
     for ray in range(RAYS):
         angle = 2 * np.pi * ray / RAYS
-        way = np.array([np.cos(angle), np.sin(angle)])
-        states = _march(rest.yarns, cell, mechanics, way, _LARGEST_STRAIN * taut, rest.state.energy)
-        values[:, ray] = _fit_ray(radii, states, float(way @ linear @ way), scale)
-        if progress is not None:
-            progress((ray + 1) / RAYS)
+        along, at_rest = np.stack([radii, 0 * radii, 0 * radii]), 0.0
+        for part in (np.cos(angle), np.sin(angle)):
+            energy, force = curves[int(part < 0.0)](abs(part) * radii)
+            along[1:] += energy, abs(part) * force
+            at_rest += part**2 * stiff[int(part < 0.0)]
+        values[:, ray] = _fit_ray(radii, along[:, 1:], at_rest, scale)
     return CellTable(values, scale, taut)
+
+
+def _stiffness_at_rest(states: Floats, linear: float) -> float:
+    """Return the stiffness of set yarns at rest: the linear one if they are pressed together."""
+    radius, energy, _ = states[:, 0]
+    secant = 2.0 * float(energy / radius**2)
+    return linear if secant > _PARTED * linear else secant
+
+
+def _continue(states: Floats) -> Callable[[Floats], tuple[Floats, Floats]]:
+    """Return energy and force as functions of a strain, continued by a spring."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    curve = CubicHermiteSpline(*np.concatenate([np.zeros((3, 1)), states], axis=1))
+    last, _, force = states[:, -1]
+    slope = max(float(curve(last, 2)), 0.0)
+
+    def evaluate(strain: Floats) -> tuple[Floats, Floats]:
+        near = np.minimum(strain, last)
+        d = strain - near
+        return curve(near) + (force + slope / 2 * d) * d, curve(near, 1) + slope * d
+
+    return evaluate
+
+
+def _taut_stiffness(yarns: Sequence[Yarn], width: float, mechanics: RodMechanics) -> float:
+    """Compute the stiffness of all yarns side by side on a width [N/m]."""
+    return float(mechanics.tension.max()) * len(yarns) / width
 
 
 class CellLaw(StretchLaw):
@@ -122,12 +231,19 @@ class CellLaw(StretchLaw):
         self._scale, self._beyond, self._shear = np.ravel(constants).tolist()
         rows, rays = values.shape
         along = CubicSpline(np.linspace(0.0, 1.0, rows), values).c[::-1]
-        closed = np.concatenate([along, along[..., :1]], axis=2)
-        angles = np.linspace(0.0, 2 * np.pi, rays + 1)
-        both = CubicSpline(angles, closed, axis=2, bc_type="periodic").c[::-1]
+        both = self._round(along)
         #: (4 of φ, 4 of t, cells), lowest power first.
         self._table = np.moveaxis(both, 1, 3).reshape(4, 4, -1)
         self._rows, self._rays = rows - 1, rays
+
+    @staticmethod
+    def _round(along: Floats) -> Floats:
+        """Compute coefficients of φ for those of t, (4, rows, rays), lowest power first."""
+        from scipy.interpolate import CubicSpline
+
+        closed = np.concatenate([along, along[..., :1]], axis=2)
+        angles = np.linspace(0.0, 2 * np.pi, closed.shape[2])
+        return np.asarray(CubicSpline(angles, closed, axis=2, bc_type="periodic").c[::-1])
 
     def with_shear(self, stiffness: float) -> CellLaw:
         """Return the law with another shear stiffness G.
@@ -144,7 +260,7 @@ class CellLaw(StretchLaw):
         """
         if stiffness == self._shear:
             return self
-        return CellLaw(
+        return type(self)(
             self.arrays["values"], np.array([self._scale, self._beyond, stiffness], np.float64)
         )
 
@@ -228,6 +344,21 @@ class CellLaw(StretchLaw):
         ]
 
 
+class SetCellLaw(CellLaw):
+    """Law of a membrane from a strained cell of set yarns."""
+
+    kind = "set cell"
+
+    @staticmethod
+    def _round(along: Floats) -> Floats:
+        """Compute coefficients of φ by Akima's spline, which does not swing."""
+        from scipy.interpolate import Akima1DInterpolator
+
+        closed = np.concatenate([along[..., -_ROUND:], along, along[..., : _ROUND + 1]], axis=2)
+        angles = 2 * np.pi / along.shape[2] * np.arange(-_ROUND, along.shape[2] + _ROUND + 1)
+        return np.asarray(Akima1DInterpolator(angles, closed, axis=2).c[::-1, _ROUND:-_ROUND])
+
+
 def _squared_ratio(r: Floats) -> tuple[Floats, Floats, Floats]:
     """Compute (t/r)² and its two derivatives, smooth at zero."""
     x = r / _FINE
@@ -263,19 +394,20 @@ def _march(
     cell: Floats,
     mechanics: RodMechanics,
     way: Floats,
+    area: float,
     limit: float,
     rest: float,
 ) -> Floats:
     """Strain a cell step by step, and return radius, energy and force per area, (3, n)."""
     held = np.zeros((2, 3), dtype=bool)
-    area = float(np.linalg.norm(np.cross(*cell)))
+    first, least = (_FIRST, 0.0) if mechanics.set_in is None else (_FIRST_SET, _LEAST_SET)
     change = np.append(way, 0.0)
     radius = 0.0
     found: list[list[float]] = []
     while radius < _REACH - 1e-9:
-        step = min(max(_FIRST, _GROWTH * radius), _WIDEST, _REACH - radius)
+        step = min(max(first, _GROWTH * radius), _WIDEST, _REACH - radius)
         ratio = (1.0 + (radius + step) * change) / (1.0 + radius * change)
-        if ratio.min() < 0.5:
+        if ratio.min() < 0.5 or (1.0 + (radius + step) * change).min() < least:
             break
         moved = [yarn._replace(points=yarn.points * ratio) for yarn in yarns]
         try:

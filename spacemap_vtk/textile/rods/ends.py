@@ -17,7 +17,7 @@ from spacemap_vtk.textile.rods.relax import STAGES, Stage, relax_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Courses at an end that follow it, and courses beyond that are held.
-FREE, _HELD = 2, 2
+FREE, HELD = 2, 2
 #: Stages in which ends relax; fewer digits than those of stitches are seen.
 _STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-3), Stage(1.0, 1.0, 1e-4))
 #: Stiffness in tension and contact, for a bending stiffness and a diameter of 1.
@@ -57,7 +57,9 @@ def relax_ends(
     Parameters
     ----------
     yarns : sequence of Yarn
-        Relaxed yarns of a repeat of knit and purl stitches, one for each row, in diameters.
+        Relaxed yarns of a repeat, one for each row, in diameters. The courses from the one before
+        the first to the fourth, and from the fourth last to the one after the last, are of knit
+        and purl stitches.
     cell : ndarray of float64, shape (2, 3)
         Period vectors.
     length : float
@@ -80,10 +82,10 @@ def relax_ends(
         If the yarns do not come to rest.
     """
     step = length / POINTS
-    require_room(cell[0, 0] * POINTS / len(yarns[0].points))
     before, after = _row(yarns, cell, -1), _row(yarns, cell, courses)
-    first = [_row(yarns, cell, row) for row in range(FREE + _HELD)]
-    last = [_row(yarns, cell, row) for row in range(courses - FREE - _HELD, courses)]
+    require_room(cell[0, 0] * POINTS / len(before.points))
+    first = [_row(yarns, cell, row) for row in range(FREE + HELD)]
+    last = [_row(yarns, cell, row) for row in range(courses - FREE - HELD, courses)]
     below = _resample(draw_cast_on(before, cell), step)
     above = _resample(draw_chain(after, cell), step)
     lower, low = _relax_strip([below, *first], cell, step, step, progress)

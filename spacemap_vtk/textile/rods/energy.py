@@ -5,6 +5,10 @@
 ℓ is the length of a span at rest, κ² ds = |r′ × r″|²/|r′|⁵ du, and D the mean of two diameters.
 Lengths in the contact term are those at rest, so that its weights are constant. Contact has samples
 of its own, closer together than those of stretch and bending.
+
+Yarns that are set have no force in the shape in which they were laid: they are as long, as bent
+(`spacemap_vtk.textile.rods.set_shape`) and as flat as there. Where they overlapped, both have a
+dent of half of the overlap.
 """
 
 from __future__ import annotations
@@ -15,7 +19,8 @@ import numpy as np
 
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
 from spacemap_vtk.textile.rods.assembly import Blocks, add_blocks, add_gradients
-from spacemap_vtk.textile.rods.contact import find_pairs, mean_diameters
+from spacemap_vtk.textile.rods.contact import find_pairs, mean_diameters, separate
+from spacemap_vtk.textile.rods.set_shape import SetShape
 from spacemap_vtk.textile.rods.yarns import Samples
 
 if TYPE_CHECKING:
@@ -42,6 +47,8 @@ class RodMechanics(NamedTuple):
     """(Y,) Length of a span at rest [m]."""
     mandrel: float = 0.0
     """Radius of a rigid cylinder about the y axis, which yarns do not enter [m]; 0 for none."""
+    set_in: Floats | None = None
+    """(n + 2, 3) z in which the yarns are set [m]; None if they are straight when free."""
 
 
 class ImagePairs(NamedTuple):
@@ -54,7 +61,7 @@ class ImagePairs(NamedTuple):
     second: Ints
     """(C,) Number of the second sample."""
     diameter: Floats
-    """(C,) Mean diameter of the two yarns [m]."""
+    """(C,) Mean diameter of the two yarns, less their dents [m]."""
     area: Floats
     """(C,) Product of the lengths at rest that both stand for [m²]."""
 
@@ -85,6 +92,22 @@ class RodEnergy:
         at = (np.arange(count) + 0.5) / count
         #: Samples of contact.
         self.surface = samples.resample(at, np.full(count, 1.0 / count))
+        #: Shape in which yarns are set.
+        self.set_shape: SetShape | None = None
+        if mechanics.set_in is not None:
+            self.set_shape = SetShape.of(samples, mechanics.set_in)
+            self._dents = self._find_dents(mechanics.set_in)
+
+    def _find_dents(self, z: Floats) -> Floats:
+        """Compute half of the largest overlap at each sample of contact, in a flat cell."""
+        flat = self.surface._replace(turn=0.0)
+        pairs = find_pairs(flat, z, self.mechanics.length, float(flat.diameter.max()))
+        distance = np.linalg.norm(separate(flat, pairs, z), axis=1)
+        depth = np.maximum(mean_diameters(flat, pairs) - distance, 0.0) / 2
+        dents = np.zeros(len(flat.weight))
+        np.maximum.at(dents, pairs.first, depth)
+        np.maximum.at(dents, pairs.second, depth)
+        return dents
 
     def softened(self, share: float) -> RodEnergy:
         """Return the energy with a share of the stiffness of tension and contact."""
@@ -109,11 +132,14 @@ class RodEnergy:
             wraps=np.concatenate([surface.wraps, surface.wraps[own] + shift[:, None]]),
         )
         ds = surface.weight * self.mechanics.length[surface.yarn]
+        diameter = mean_diameters(surface, found)
+        if self.set_shape is not None:
+            diameter -= self._dents[found.first] + self._dents[found.second]
         return ImagePairs(
             whole,
             found.first,
             image * count + part,
-            mean_diameters(surface, found),
+            diameter,
             ds[found.first] * ds[found.second],
         )
 
@@ -182,22 +208,28 @@ class _Beam:
     """Stretch and bending at the samples."""
 
     def __init__(self, energy: RodEnergy, a: Floats, b: Floats) -> None:
-        samples, mechanics = energy.samples, energy.mechanics
+        samples, mechanics, shape = energy.samples, energy.mechanics, energy.set_shape
         span = mechanics.length[samples.yarn]
         aa, bb, ab = (np.einsum("si,si->s", *pair) for pair in ((a, a), (b, b), (a, b)))
         speed = np.sqrt(aa)
         stiff = mechanics.tension[samples.yarn] / span * samples.weight
-        over = speed - span
-        # κ² ds = f du with f = (aa bb - ab²)/aa^(5/2), a = r′ and b = r″. Derivatives of f by the
-        # three products:
+        rest = span if shape is None else shape.speed
+        over = speed - rest
+        # κ² ds = f du with f = (aa bb - ab²)/aa^power, a = r′ and b = r″; the power is 5/2, or 3
+        # for the κ² ds₀ of set yarns. Derivatives of f by the three products:
         rigid = mechanics.bending[samples.yarn] * samples.weight / 2
-        p5, p7 = rigid * aa**-2.5, rigid * aa**-3.5
-        f_a = 2.5 * p7 * ab**2 - 1.5 * p5 * bb
-        f_aa = 3.75 * p7 * bb - 8.75 * p7 / aa * ab**2
-        f_b, f_ab, f_c, f_cc, f_ac = p5 * aa, -1.5 * p5, -2.0 * p5 * ab, -2.0 * p5, 5.0 * p7 * ab
+        if shape is not None:
+            rigid = rigid * shape.speed
+        self._power = power = 2.5 if shape is None else 3.0
+        p5, p7 = rigid * aa**-power, rigid * aa ** -(power + 1.0)
+        less = 1.0 - power
+        f_a = power * p7 * ab**2 + less * p5 * bb
+        f_aa = -power * less * p7 * bb - power * (power + 1.0) * p7 / aa * ab**2
+        f_b, f_ab, f_c, f_cc = p5 * aa, less * p5, -2.0 * p5 * ab, -2.0 * p5
+        f_ac = 2.0 * power * p7 * ab
         # The stretch is a function of aa, too.
         f_a += stiff * over / speed / 2
-        f_aa += stiff * span / (4 * speed**3)
+        f_aa += stiff * rest / (4 * speed**3)
         pulled = stiff * over / speed
         self._aa, self._p5 = aa, p5
         self._stretch = pulled, (stiff - np.maximum(pulled, 0.0)) / aa
@@ -205,6 +237,16 @@ class _Beam:
         self.by_slope = 2 * f_a[:, None] * a + f_c[:, None] * b
         self.by_bend = 2 * f_b[:, None] * b + f_c[:, None] * a
         self._a, self._b, self._f = a, b, (f_a, f_b, f_c, f_aa, f_ab, f_ac, f_cc)
+        self._tangent, self._kept = None, None
+        if shape is not None:
+            # ½ B s₀ (κ² + κ₀² - 2 κ · R κ₀), of which f is the first part
+            kept = shape.curvature_along(a, b)
+            own = rigid @ ((shape.curvature**2).sum(axis=1) - 2 * kept.value)
+            self.parts = self.parts[0], self.parts[1] + float(own)
+            self.by_slope -= 2 * rigid[:, None] * kept.slope[:, :3]
+            self.by_bend -= 2 * rigid[:, None] * kept.slope[:, 3:]
+            self._tangent = a / speed[:, None]
+            self._kept = -2 * (rigid[:, None, None] * kept.bend).reshape(-1, 2, 3, 2, 3)
 
     def blocks(self, convexity: float) -> Floats:
         """Compute the second derivatives by slope and bend, (S, 2, 3, 2, 3)."""
@@ -218,18 +260,24 @@ class _Beam:
         blocks[:, 0, :, 1] = 4 * f_ab * a_b + 2 * f_ac * a_a + f_c * _EYE + f_cc * b_a
         blocks[:, 1, :, 0] = blocks[:, 0, :, 1].swapaxes(1, 2)
         blocks[:, 1, :, 1] = 2 * f_b * _EYE + f_cc * a_a
+        if self._kept is not None:
+            blocks += self._kept
         if convexity:
             blocks += convexity * (self._convex_blocks() - blocks)
         return blocks
 
     def _convex_blocks(self) -> Floats:
         """Compute the second derivatives without those of what is squared, (S, 2, 3, 2, 3)."""
-        # κ² ds = w² du with w = r′ × r″/|r′|^(5/2) (Gauss and Newton).
+        # f = w² with w = r′ × r″/|r′|^power (Gauss and Newton).
         a, b, aa = self._a, self._b, self._aa
         turned = np.cross(a, b)
         changes = np.empty((len(a), 3, 2, 3))
-        changes[:, :, 0] = _crosses(-b) - 2.5 / aa[:, None, None] * _outer(turned, a)
+        changes[:, :, 0] = _crosses(-b) - self._power / aa[:, None, None] * _outer(turned, a)
         changes[:, :, 1] = _crosses(a)
+        if (t := self._tangent) is not None:
+            # R κ₀ turns with the tangent
+            along = np.einsum("si,sikl->skl", t, changes)
+            changes -= t[:, :, None, None] * along[:, None]
         changes *= np.sqrt(2.0 * self._p5)[:, None, None, None]
         wide = changes.reshape(-1, 3, 6)
         found = (wide.swapaxes(1, 2) @ wide).reshape(-1, 2, 3, 2, 3)

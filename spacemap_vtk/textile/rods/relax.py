@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spacemap_vtk import cancel
 from spacemap_vtk.errors import GeometryError, SolverError
 from spacemap_vtk.ndarrays import Bools, Floats, Ints, Progress
 from spacemap_vtk.textile.rods.energy import ImagePairs, RodEnergy, RodMechanics, State
@@ -171,6 +172,7 @@ class _Search:
         damping, least, most = (share * scale for share in DAMPING)
         level, energies = len(SHARES) - 1, [state.energy]
         while True:
+            cancel.check()
             force = state.gradient.ravel()[self._active]
             largest = float(abs(force).max())
             if largest <= stage.tolerance * tension:
