@@ -56,6 +56,11 @@ TEXTILES: dict[str, tuple[str, dict[str, str]]] = {
     "stockinette": ("stockinette", {"textile.wales": "24", "textile.courses": "30", **NEAR}),
     "rib": ("rib_2x2", {"textile.wales": "60", "textile.courses": "36", **NEAR}),
     "seed": ("seed_stitch", {"textile.wales": "24", "textile.courses": "30", **NEAR}),
+    "tuck": ("tuck", {"textile.wales": "18", "textile.courses": "26", "view.zoom": "2.2"}),
+    "fair_isle": (
+        "fair_isle",
+        {"textile.wales": "48", "textile.courses": "48", "view.zoom": "2.2"},
+    ),
     "tricot": ("tricot", {"textile.wales": "18", "textile.courses": "26", **NEAR}),
     "eyelet": ("eyelet", {"textile.wales": "30", "textile.courses": "33", **ALONG}),
     "feather_and_fan": (

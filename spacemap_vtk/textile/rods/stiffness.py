@@ -366,7 +366,7 @@ def _bending(
     yarns: Sequence[Yarn], cell: Floats, mechanics: RodMechanics, free: Bools, progress: Progress
 ) -> tuple[float, float]:
     """Compute rigidity and moment of bending along the first period."""
-    energies = []
+    energies: list[float] = []
     angle = _CURVATURE / max(yarn.diameter for yarn in yarns) * float(cell[0, 0])
     for turn in (-angle, 0.0, angle):
         progress(len(energies) / 3)
