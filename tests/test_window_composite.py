@@ -84,3 +84,13 @@ def test_the_constants_are_those_of_the_command_line(
     monkeypatch.setattr(window.exports, "start", lambda *job: saved.append(job))
     tab.save_button.menu().actions()[1].trigger()
     assert saved == [("unit_cell", tmp_path / "c.vti")]
+
+
+def test_a_scene_without_a_cage_is_drawn_with_a_unit_cell(open_scene: Any) -> None:
+    window = open_scene("twill_2_2")
+    wait_until(lambda: settled(window))
+    window.document.set_many("weave", {"ends": 8, "picks": 8})
+    window.document.set("unit_cell", "voxels", 16)
+    wait_until(lambda: settled(window) and window.view.frame.values == window.document.values)
+    assert window.errors.text == ""
+    assert window.view.scene_view.surface.GetVisibility()

@@ -121,7 +121,7 @@ class Pipeline:
             if stage not in skipped:
                 self._update(scene, stage, request.time, piece)
         self._first_stale = len(stages)
-        source: Stage = stages[-1]
+        source = scene.last_object
         cage = None
         if swing and solver:
             cage = shallow_copy(solver.output)
