@@ -67,6 +67,7 @@ TEXTILES: dict[str, tuple[str, dict[str, str]]] = {
         "feather_and_fan",
         {"textile.wales": "48", "textile.courses": "44", **ALONG},
     ),
+    "jacquard": ("jacquard", {"textile.wales": "30", "textile.courses": "36", **ALONG}),
     "plait": ("three_strand_plait", ALONG),
     "tubular_braid": ("tubular_braid", {"textile.repeats_along": "16", **ALONG}),
     "orthogonal_weave": ("orthogonal_weave", {"view.zoom": "1.2"}),

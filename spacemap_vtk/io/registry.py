@@ -275,8 +275,8 @@ def describe_scene_files() -> str:
     meshes = ", ".join([*reader_endings("mesh", common=True), "..."])
     scenes, drafts, knits = (", ".join(reader_endings(kind)) for kind in ("scene", "draft", "knit"))
     return (
-        f"a scene file ({scenes}), a weaver's draft ({drafts}), a machine knitting file ({knits}), "
-        f"a mesh ({meshes})"
+        f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes}), a machine "
+        f"knitting file ({knits})"
     )
 
 
