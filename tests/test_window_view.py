@@ -162,7 +162,7 @@ def test_every_colouring_gives_another_picture(open_scene: Any) -> None:
     offered = [window.tools.coloring.itemData(k) for k in range(window.tools.coloring.count())]
     assert [name for name in offered if name] == names  # the others separate groups
     for name in names:
-        window.tools.coloring.setCurrentText(COLORINGS[name].title)
+        window.tools.coloring.setCurrentText(COLORINGS[name].label)
         wait_until(lambda name=name: settled(window) and window.view.frame.color == name)
         pictures.append(image(window))
         # Each numeric colouring has a scale with its unit.
