@@ -31,7 +31,12 @@ from spacemap_vtk.app.draft.chart_tab import ChartTab, is_knit
 from spacemap_vtk.app.draft.draft_tab import DraftTab
 from spacemap_vtk.app.help.command_palette import Entry
 from spacemap_vtk.app.help.help_menu import HelpMenu
-from spacemap_vtk.app.help.palette_entries import scene_entries, stage_entries, tab_entries
+from spacemap_vtk.app.help.palette_entries import (
+    recent_entries,
+    scene_entries,
+    stage_entries,
+    tab_entries,
+)
 from spacemap_vtk.app.help.walks import Parts, make_walks
 from spacemap_vtk.app.menus import Menus
 from spacemap_vtk.app.panels.composite_tab import CompositeTab
@@ -572,6 +577,7 @@ class MainWindow(QMainWindow):
 
     def _palette_entries(self) -> Iterator[Entry]:
         yield from tab_entries(self.tabs)
+        yield from recent_entries(self.files.recent, self.files.switch_to)
         yield from scene_entries(self.files.switch_to)
         yield from stage_entries(self.document, self.stages, self.properties, self.switch_stage)
 

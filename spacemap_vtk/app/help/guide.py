@@ -147,7 +147,7 @@ class Guide(QObject):
         )
         places = [below, above, left, right] if area.height() < _FLAT else [left, right, below]
         fitting = [place for place in places if window.contains(QRect(place, size))]
-        if fitting and area.height() * area.width() < window.height() * window.width() / 4:
+        if fitting and area.height() * area.width() < window.height() * window.width() / 3:
             self.bubble.move(fitting[0])
         else:  # in a corner of what is large
             inside = QPoint(size.width() + _GAP, size.height() + _GAP)

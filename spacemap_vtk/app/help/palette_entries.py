@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from pathlib import Path
 
 from PySide6.QtWidgets import QTabWidget
 
@@ -44,6 +45,12 @@ def scene_entries(open_scene: Callable[[str], object]) -> Iterator[Entry]:
         for name in names:
             title = f"Open {thumbnails.title_of(name)}"
             yield Entry(title, f"Scene: {name}", partial(open_scene, name), group)
+
+
+def recent_entries(files: Iterable[str], open_file: Callable[[str], object]) -> Iterator[Entry]:
+    """Yield the recent files."""
+    for name in files:
+        yield Entry(f"Open {Path(name).name}", "Recent file", partial(open_file, name), name)
 
 
 def stage_entries(

@@ -167,7 +167,6 @@ class _ThumbnailList(QListWidget):
         font = item.font()
         font.setBold(True)
         item.setFont(font)
-        item.setForeground(self.palette().windowText())
         item.setTextAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignBottom)
         item.setSizeHint(self._sizes[1])
         self.insertItem(self.count() if place is None else place, item)
