@@ -22,6 +22,7 @@ from spacemap_vtk.mechanics.contact.resting import (
     rested_terms,
 )
 from spacemap_vtk.mechanics.equilibrium.energy_terms import digest_of
+from spacemap_vtk.mechanics.modal.hanging import find_hung_state
 from spacemap_vtk.mechanics.modal.model import Model
 from spacemap_vtk.ndarrays import Floats, Progress
 
@@ -124,7 +125,7 @@ def _solve(task: RestTask, progress: Progress) -> RestState:
         if obstacles_of(model) or layers_of(model) or start is not None:
             displacement, anchors = find_resting_state(model, load, progress, start)
         else:
-            displacement, share = model.solve_equilibrium(load, progress)
+            displacement, share = find_hung_state(model, load, progress)
         terms = rested_terms(model.terms, model.points + displacement, anchors)
         holding = model.holding_forces(displacement, load, terms)
     critical = np.array([math.nan if share is None else share])

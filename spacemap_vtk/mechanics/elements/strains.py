@@ -285,6 +285,10 @@ class StrainState(TermState):
             strain = strain + self.kind.strain_changes(self.gradients, curve)
         return self.kind.respond(strain)
 
+    def predict_unstressed(self) -> StrainResponse:
+        """Predict the response to no strain."""
+        return self.kind.respond(np.zeros_like(self.strain))
+
 
 @dataclass(frozen=True, eq=False)
 class BaseSprings(Strains):

@@ -313,6 +313,10 @@ class TermState:
         """Predict data for the tangent after a move and a curve; None: it uses the new state."""
         return None
 
+    def predict_unstressed(self) -> Any:
+        """Predict data for a tangent without stresses; None: it uses the state."""
+        return None
+
 
 class DeadLoad(EnergyTerm):
     """Forces (V, 3) [N] of constant direction: W = -f · (z - z₀)."""

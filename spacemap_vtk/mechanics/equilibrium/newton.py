@@ -14,6 +14,11 @@ line search for less energy allows only short steps. Three measures keep the num
 - From an unstable state the search moves along the lowest eigenvector, with a second-order
   correction.
 
+Near a guess, the steps of a sheet turn its cells instead of stretching them
+(`ReducedSystem.turn`). The next step then has little stretch to undo, and may leave out less of the
+compressive stresses than the one before, as long as the sheet turns by a moderate angle. From far
+away such steps are no gain: the longest ones, which stretch most, lead to the folds soonest.
+
 Nothing is assumed about how the energy depends on the positions: the length of a step follows from
 the slope of the energy along it, and no step is longer than a term admits
 (`EnergyTerm.largest_step`).
@@ -30,7 +35,7 @@ import scipy.sparse as sp
 
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.mechanics.equilibrium.energy_terms import EnergyTerm, TermState, sum_at_nodes
-from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem
+from spacemap_vtk.mechanics.equilibrium.reduced_system import ReducedSystem, Turn
 from spacemap_vtk.mechanics.linalg import blas_threads
 from spacemap_vtk.mechanics.linalg.factors import Solve
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -50,6 +55,17 @@ MAX_STALLED = 3
 #: Share of the largest admissible step below which the next tangent is made closer to the exact
 #: one.
 NEAR = 0.3
+
+#: This share for steps that turn a sheet.
+NEAR_TURNED = 1.0
+#: If such a step is this many times the largest admissible one, the next tangent leaves out
+#: MORE_REMOVED times as much of the compressive stresses, counted from FEW_REMOVED or more.
+FAR_TURNED = 2.0
+MORE_REMOVED = 9.0
+FEW_REMOVED = 0.06
+#: A step that is this many times smaller than the largest admissible one is made straight: turning
+#: would change it by less than rounding does.
+STRAIGHT = 1e4
 
 #: Line search: share of the steepest slope that may be left at the end of a step.
 MAX_SLOPE = 0.1
@@ -117,11 +133,15 @@ def find_equilibrium(
     *,
     progress: Progress | None = None,
     steps: int = 1200,
+    turn: Turn | None = None,
+    guess: Floats | None = None,
 ) -> Equilibrium:
     """Find a stable equilibrium of a body under loads, which are applied in shares if necessary."""
     # Nodal vectors are start (V, 3) + (basis @ q).reshape(V, 3), with the basis (3V, N) of what the
     # supports leave free; `steps` limits the number of linear systems. Before each of them
     # `progress` is called with the share of the work that is done; it may raise, to cancel.
+    # The search begins near `guess` (V, 3), whose strains are errors, with steps that `turn` makes,
+    # see `ReducedSystem.turn`. If it fails there, it begins at the start, with straight steps.
     # Raises InputError if nothing holds the body against the load, and SolverError if the steps do
     # not suffice.
     with blas_threads.use_one_thread():
@@ -132,10 +152,26 @@ def find_equilibrium(
                 "the cage, or a part of it, is not held against the load",
                 cure="Fix a side or a corner of it, or remove the load",
             )
-        found = load_in_shares(system, len(loads), start, steps)
+        found = None
+        if guess is not None:
+            system.turn = turn
+            found = _refine_guess(system, len(loads), guess)
+            system.turn = None
+        found = found or load_in_shares(system, len(loads), start, steps)
     if progress is not None:
         progress(1.0)
     return found
+
+
+def _refine_guess(system: ReducedSystem, loads: int, guess: Floats) -> Equilibrium | None:
+    """Find the equilibrium near a guess; None if the search fails."""
+    search = _Search(system, loads, guess, 0.0, 1.0, rests=False)
+    search.expect_no_stress()
+    try:
+        found = search.run(system.steps + MAX_STEPS)
+    except SolverError:
+        return None
+    return None if found is None else Equilibrium(found[0], system.steps, found[1], None)
 
 
 def load_in_shares(
@@ -246,6 +282,8 @@ class _Search:
         self._loads = loads
         system.factors[:loads] = share
         self._z, self._best, self._least_energy, self._steps_since_least = start, start, np.inf, 0
+        #: Whether the last tangent was not definite until more of the stresses were left out.
+        self._was_indefinite = False
         #: Expected decrease of energy in the last step; the smallest such decrease recently; and
         #: the number of steps in a row that did not clearly go below it.
         self._expected_decrease, self._smallest_decrease, self._stalled_steps = np.inf, np.inf, 0
@@ -298,6 +336,7 @@ class _Search:
                     system.factorise_definite(matrix) if is_definite else system.factorise(matrix)
                 )
             except SolverError:
+                self._was_indefinite = True
                 if self._removed_share > 0.0:
                     self._removed_share = min(1.0, 3.0 * self._removed_share)
                     continue
@@ -318,6 +357,10 @@ class _Search:
             self._count_stalled_steps(size)
             self._make_step(states, q)
         return None
+
+    def expect_no_stress(self) -> None:
+        """Make the first tangent one without stresses: those at the start are errors of a guess."""
+        self._predictions = [state.predict_unstressed() for state in self._evaluate(self._z)]
 
     def _count_stalled_steps(self, size: float) -> None:
         """Count the steps in a row that lower the energy by rounding only."""
@@ -372,9 +415,18 @@ class _Search:
             near = length > 0.5
         else:
             length, near = min(1.0, most), NEAR * most > 1.0
-        self._removed_share = self._removed_share / 3 if near else 1.0
+        turns = self._system.turn if not self._must_descend else None
+        if turns is None:
+            self._removed_share = self._removed_share / 3 if near else 1.0
+        elif most * FAR_TURNED < 1.0:
+            self._removed_share = min(1.0, MORE_REMOVED * max(self._removed_share, FEW_REMOVED))
+        elif NEAR_TURNED * most > 1.0 and not self._was_indefinite:
+            self._removed_share /= 3
+        self._was_indefinite = False
         move = length * move
         self._predictions = [state.predict(move) for state in states]
+        if turns is not None and most < STRAIGHT:
+            move = turns(self._z, move)
         self._z = self._reuse_if_equal(self._z + move)
 
     def _reuse_if_equal(self, z: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -32,6 +32,9 @@ MOST_SHIFT = 1e-8
 #: Matrices of at most this size are solved densely for their lowest eigenvalue.
 _DENSE = 60
 
+#: Function of nodal vectors and of a move from them, both (V, 3), that returns another move.
+Turn = Callable[[Floats, Floats], Floats]
+
 
 class ReducedSystem:
     """Sum of energy terms in free coordinates q; the nodal positions are z = ``start + T q``."""
@@ -51,6 +54,9 @@ class ReducedSystem:
         #: motions which nothing resists have finite steps.
         self.inertia = np.zeros(basis.shape[1])
         self.inertia_scale = 1.0
+        #: Function that replaces a straight step from nodal vectors (V, 3) by one that turns cells
+        #: instead of stretching them; None if steps are straight.
+        self.turn: Turn | None = None
         #: Number of linear systems solved so far.
         self.steps = 0
         self._progress, self._shift = progress, SHIFT

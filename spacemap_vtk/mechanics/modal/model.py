@@ -339,7 +339,10 @@ class Model:
         return values, pencil.expand(found.T).T
 
     def solve_equilibrium(
-        self, forces: Floats, progress: Callable[[float], object] | None = None
+        self,
+        forces: Floats,
+        progress: Callable[[float], object] | None = None,
+        guess: Floats | None = None,
     ) -> tuple[Floats, float | None]:
         """Compute the equilibrium of the undeformed body under dead loads, at any displacement.
 
@@ -349,13 +352,16 @@ class Model:
             Forces on the vertices [N] of constant direction.
         progress : callable, optional
             Called with the share that is done, 0 to 1; may raise to stop.
+        guess : ndarray of float64, shape (V, 3), optional
+            Displacement of the vertices near which the equilibrium is expected [m].
 
         Returns
         -------
         displacement : ndarray of float64, shape (V, 3)
             Displacement of the vertices to the stable equilibrium [m].
         critical : float or None
-            Share of the load at which the body buckled (left an unstable state), if it did.
+            Share of the load at which the body buckled (left an unstable state), if it did. It is
+            not known if the equilibrium is found near a guess.
 
         Raises
         ------
@@ -365,6 +371,7 @@ class Model:
             If no stable state was found; the message gives the share of the load up to which there
             was one.
         """
+        from spacemap_vtk.mechanics.elements.turning import TurningMoves
         from spacemap_vtk.mechanics.equilibrium.energy_terms import DeadLoad
         from spacemap_vtk.mechanics.equilibrium.newton import find_equilibrium
 
@@ -374,7 +381,14 @@ class Model:
         load = load if surface is None else 2 * surface.to_nodes(load)
         start = pencil.nodes.positions
         loads = [DeadLoad(load, start)]
-        found = find_equilibrium(pencil.terms, pencil.basis, start, loads, progress=progress)
+        turn, near = None, None
+        if guess is not None:
+            near = start + (guess if surface is None else surface.to_nodes(guess))
+            if surface is not None:
+                turn = TurningMoves(self.points, surface, pencil.basis.tocsr()).turn
+        found = find_equilibrium(
+            pencil.terms, pencil.basis, start, loads, progress=progress, turn=turn, guess=near
+        )
         moved = found.positions - start
         return (moved if surface is None else surface.to_vertices(moved)), found.critical
 
