@@ -135,3 +135,15 @@ def test_many_tabs_do_not_hide_the_panel_in_a_narrow_window(
     wait_until(lambda: window.width() == 960)
     assert window.tabs.isVisible()
     assert window.tabs.tabBar().minimumSizeHint().width() < window.tabs.width()
+
+
+def test_a_machine_knitting_file_opens_as_a_new_scene(open_scene: Any, tmp_path: Path) -> None:
+    needles = [f"f{number}" for number in range(4)]
+    rows = [[f"tuck - {n} 1" for n in needles[::-1]], [f"knit + {n} 1" for n in needles]]
+    file = tmp_path / "swatch.k"
+    file.write_text("\n".join([";!knitout-2", ";;Carriers: 1", *rows[0], *rows[1]]))
+    window = open_scene(str(file), wait=False)
+    written = window.document.values["textile"]
+    assert (written["rows"], written["wales"], written["courses"]) == (["k"], 4, 1)
+    # Saving asks for a name: the file of the machine is not overwritten.
+    assert window.document.file is None
