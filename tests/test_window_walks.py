@@ -43,7 +43,10 @@ def test_walk_goes_on_when_a_step_is_done(open_scene: Any) -> None:
     window.document.set("weave", "pattern", "twill 2/1")
     wait_until(lambda: guide.number == 3)
     guide.next_button.click()  # leaves out the colours
-    assert points_at(guide, window.tools.widgetForAction(window.tools.hang))
+    assert guide.number == 4
+    window.tabs.setCurrentWidget(window.gallery)
+    wait_until(lambda: points_at(guide, window.gallery.presets[0]))
+    assert window.gallery.presets[0].text() == "Hang as curtain"
     # Back shows a step again, although it is done.
     guide.back_button.click()
     guide.back_button.click()

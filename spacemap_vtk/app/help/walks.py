@@ -92,9 +92,10 @@ def _draw_and_hang(parts: Parts) -> Sequence[Step]:
             is_colored,
         ),
         Step(
-            "Click Hang: the cloth hangs from its supports under its own weight.",
-            lambda: parts.tools.widgetForAction(parts.tools.hang),
-            lambda: document.scene.modal.is_hung,
+            "Click Hang as curtain, in the tab Scenes: the cloth gets the stiffness of its yarns "
+            "and hangs under its own weight. This takes some seconds.",
+            lambda: gallery.presets[0] if gallery.isVisible() else (parts.tabs, gallery),
+            lambda: any(document.scene.modal.gravity),
         ),
         Step(
             "Click ▶, or press the space bar, to let it move.",

@@ -67,6 +67,8 @@ class Gallery(QWidget):
         self.search.returnPressed.connect(self._open_first)
         self.list = _ThumbnailList()
         self._recent: list[str] = []
+        #: A button for each preset of motion.
+        self.presets: list[QToolButton] = []
         for group, names in library.names_by_kind().items():
             self.list.add_heading(group)
             for name in names:
@@ -94,6 +96,7 @@ class Gallery(QWidget):
             buttons[-1].setDefaultAction(preset)
             buttons[-1].setAutoRaise(False)
             buttons[-1].setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.presets = buttons
         half = (len(buttons) + 1) // 2
         self.layout().insertLayout(3, row(None, *buttons[:half]))
         self.layout().insertLayout(4, row(None, *buttons[half:]))
