@@ -78,6 +78,9 @@ MAX_TRIALS = 40
 EXACT = 0.02
 #: Share of these stresses that is removed first if the exact tangent is indefinite.
 FIRST_REMOVED = 0.1
+#: Both shares where steps turn a sheet, which leaves the tangent closer to the exact one.
+EXACT_TURNED = 0.006
+FIRST_TURNED = 0.02
 
 #: Number of steps without a new least energy, after which every step has to lower the energy.
 PATIENCE = 25
@@ -304,6 +307,9 @@ class _Search:
     def run(self, limit: int) -> tuple[Floats, float] | None:
         """Find the state and its residual; None if it needs more steps than the limit."""
         system = self._system
+        exact, first = EXACT, FIRST_REMOVED
+        if system.turn is not None:
+            exact, first = EXACT_TURNED, FIRST_TURNED
         while system.steps < limit:
             states = self._evaluate(self._z)
             force, energies = system.forces(states), system.energies(states)
@@ -325,7 +331,7 @@ class _Search:
             )
             if self._return_if_astray(energy, size, settled):
                 continue
-            if settled or self._removed_share < EXACT or self._expected_decrease <= EARLY * size:
+            if settled or self._removed_share < exact or self._expected_decrease <= EARLY * size:
                 self._removed_share = 0.0
             own = settled or self._must_descend
             system.follow(self._z)
@@ -340,7 +346,7 @@ class _Search:
                 if self._removed_share > 0.0:
                     self._removed_share = min(1.0, 3.0 * self._removed_share)
                     continue
-                self._removed_share = FIRST_REMOVED
+                self._removed_share = first
                 found = settled or self._expected_decrease <= EARLY * size
                 if not (found and not self._leave_unstable_state(states, matrix) and settled):
                     continue
