@@ -71,17 +71,18 @@ class DraftActions(QObject):
         self._add_clipboard(self.menu)
         self.menu.addSeparator()
         self._add_fills(self.menu.addMenu("Fill with"))
-        self._add_changes(self.menu)
-        self.menu.addSeparator()
+        self._add_changes(self.menu.addMenu("Change marks"))
+        threads = self.menu.addMenu("Ends and picks")
         use = _Use(tuple(panel for panel in _ALL if panel != "tieup"), writes=False)
         for name, slot, key in (
             ("Insert ends or picks", self._ask_insert, "Ins"),
             ("Repeat ends or picks", self._ask_repeat, "Ctrl+Shift+R"),
             ("Delete ends or picks", self._delete, "Ctrl+Del"),
         ):
-            self._add(self.menu, name, slot, key, use).setObjectName(name)
+            self._add(threads, name, slot, key, use).setObjectName(name)
+        threads.addSeparator()
         for family in (0, 1):
-            self._add_threads(self.menu, family)
+            self._add_threads(threads, family)
         self._add_whole(self.menu.addMenu("Whole draft"))
         self.menu.addActions(list(views))
         self.menu.aboutToShow.connect(self._update)
