@@ -151,6 +151,17 @@ def test_explicit_values_and_options_replace_those_of_the_preset(tmp_path: Path)
     assert any("8/2 cotton" in note for note in scene.warnings)
 
 
+def test_a_cloth_for_files_has_few_crossings_and_a_large_draft_is_cut() -> None:
+    scene = apply(TWILL, "hang", crossings=5000)
+    assert 4500 < np.prod(scene.woven.cloth.size) <= 5200
+    assert any("--cloth-size makes it larger" in note for note in scene.warnings)
+    plan = make_plan(Scene.read(DRAFTS / "diamond_twill.wpo"), "hang")
+    assert plan.values["weave"]["ends"] < 641
+    assert any("of 641 ends" in note for note in plan.notes)
+    plan = make_plan(Scene.read(DRAFTS / "diamond_twill.wpo"), "hang", size=[0.65])
+    assert plan.values["weave"]["ends"] == pytest.approx(641, abs=2)
+
+
 def test_a_yarn_of_the_scene_is_kept() -> None:
     weave = {"pattern": "plain", "warp_yarn": "20/2 silk", "weft_yarn": "20/2 silk"}
     weave |= {"warp_sett": "24 epi", "weft_sett": "24 epi"}

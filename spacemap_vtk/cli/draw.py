@@ -58,6 +58,9 @@ if TYPE_CHECKING:
 from spacemap_vtk.jobs.picture import MOST_SAMPLES, SAMPLES
 from spacemap_vtk.units import parse_quantity
 
+#: Most crossings of cloth in motion whose size is not given, in a file that contains every yarn.
+_FILE_CROSSINGS = 20_000
+
 PictureFile = Annotated[Path, output_option(f"A {registry.describe_writers('picture')} file.")]
 
 
@@ -360,7 +363,15 @@ def export(
     with name_options():
         job = make_data_job(output, "modes" if modes else what or "", pieces=pieces or 0)
     chosen = open_scene(
-        scene, set_, motion, time=time, color=color, start=start, stop=stop, fps=fps
+        scene,
+        set_,
+        motion,
+        crossings=_FILE_CROSSINGS,
+        time=time,
+        color=color,
+        start=start,
+        stop=stop,
+        fps=fps,
     )
     given = {"--times": times or None, "--from": start, "--to": stop, "--fps": fps}
     if found := [option for option, value in given.items() if value is not None]:

@@ -283,7 +283,9 @@ class Motion:
         )
 
 
-def read_scene(name: str, assignments: Sequence[str], motion: Motion | None) -> Scene:
+def read_scene(
+    name: str, assignments: Sequence[str], motion: Motion | None, crossings: int | None = None
+) -> Scene:
     """Read a scene, make cloth in motion of it if asked for, and set values."""
     from spacemap_vtk.scenes.scene import Scene
 
@@ -294,7 +296,9 @@ def read_scene(name: str, assignments: Sequence[str], motion: Motion | None) -> 
         return scene
     from spacemap_vtk.scenes import presets
 
-    made = presets.apply(scene, motion.preset, yarn=motion.yarn, size=motion.size)
+    made = presets.apply(
+        scene, motion.preset, yarn=motion.yarn, size=motion.size, crossings=crossings
+    )
     for assignment in assignments:  # explicit values replace those of the preset
         made.set(assignment)
     return made
@@ -316,13 +320,14 @@ def open_scene(
     camera: str | None = None,
     orbit: str | None = None,
     insets: Sequence[str] = (),
+    crossings: int | None = None,
     annotations: Mapping[str, bool] | None = None,
 ) -> Scene:
     """Read a scene and apply the command line's changes to it."""
     # Imported here, because they import VTK, which no command's help needs.
     from spacemap_vtk.scenes.scene_record import describe_outside_files
 
-    scene = read_scene(name, assignments, motion)
+    scene = read_scene(name, assignments, motion, crossings)
     if time is not None and "," in time:
         raise InputError(
             "must be a single time",

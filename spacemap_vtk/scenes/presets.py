@@ -44,6 +44,8 @@ _SHEAR = "60 N/m"
 _STEEL = 200e9
 #: Side of the cloth over its bending length, unless its size is given.
 _SIDE = {"hang": 14.0, "drape": 14.0, "drop": 11.0, "swing": 10.0}
+#: A cloth with this share of a draft's repeat is given the whole repeat.
+_NEARLY = 0.8
 #: Width of a cell over the bending length: sufficient for pictures, within seconds.
 _CELL = 0.7
 #: Most cells; more take minutes.
@@ -145,6 +147,7 @@ def apply(
     *,
     yarn: str | None = None,
     size: Sequence[float] | None = None,
+    crossings: int | None = None,
 ) -> Scene:
     """Make a scene in which a textile moves.
 
@@ -161,6 +164,8 @@ def apply(
     size : float or two floats, optional
         Sides of the cloth along x and y [m]. By default about fourteen bending lengths, in
         whole repeats.
+    crossings : int, optional
+        Most crossings of a weave whose size is not given, for files that contain every yarn.
 
     Returns
     -------
@@ -173,7 +178,7 @@ def apply(
         If the scene has no textile, the yarn is not known, or the textile is no sheet.
     """
     given = scene if isinstance(scene, Scene) else Scene.read(scene)
-    plan = make_plan(given, preset, yarn=yarn, size=size)
+    plan = make_plan(given, preset, yarn=yarn, size=size, crossings=crossings)
     made = Scene(plan.values, given.file)
     for note in plan.notes:
         made.warn(InfoMessage(note))
@@ -186,6 +191,7 @@ def make_plan(
     *,
     yarn: str | None = None,
     size: Sequence[float] | None = None,
+    crossings: int | None = None,
 ) -> Plan:
     """Decide the values of the scene that `apply` makes.
 
@@ -199,6 +205,8 @@ def make_plan(
         As for `apply`.
     size : float or two floats, optional
         As for `apply` [m].
+    crossings : int, optional
+        As for `apply`.
 
     Returns
     -------
@@ -217,13 +225,14 @@ def make_plan(
     values = scene_values(scene)
     for section in (*_MOTION, "animation"):
         values.pop(section, None)
+    values.get("surface", {}).pop("subdivisions", None)  # chosen for another size of cloth
     view = values.setdefault("view", {})
     for key in ("camera", "show", "time", "color", "zoom", "position", "focal_point", "supports"):
         view.pop(key, None)
     plan = Plan(values)
     prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
     sides = tuple(np.broadcast_to(size, 2).tolist()) if size is not None else None
-    sheet = prepare(plan, scene, _SIDE[preset], yarn, sides)
+    sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
     values["title"] = f"{scene.title or 'Cloth'}: {PRESETS[preset].label.lower()}"
     _MAKERS[preset](values, sheet)
     values["warp"] = {"smooth": True}
@@ -241,7 +250,7 @@ def write_scene(scene: Scene, file: Path) -> None:
     file : Path
         A ``.toml`` file; paths of other files are relative to its folder.
     """
-    check_output(file, (".toml",))
+    check_output(file, {".toml": "scene"})
     text = format_preset(scene_values(scene, file.resolve().parent))
     with atomic_file(file) as path:
         path.write_text(text, encoding="utf-8")
@@ -265,7 +274,12 @@ def format_preset(values: Mapping[str, Any]) -> str:
 
 
 def _prepare_weave(
-    plan: Plan, scene: Scene, share: float, yarn: str | None, size: tuple[float, ...] | None
+    plan: Plan,
+    scene: Scene,
+    share: float,
+    yarn: str | None,
+    size: tuple[float, ...] | None,
+    most: int | None,
 ) -> _Sheet:
     """Choose yarns and size of a weave; return the sheet that it forms."""
     values, weave = plan.values, plan.values.setdefault("weave", {})
@@ -298,18 +312,21 @@ def _prepare_weave(
     length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
     assigned = scene.assigned
     target = size or (share * length,) * 2
-    counts = []
+    counts, drafted = [], source.source.size
     for axis, (key, threads) in enumerate(zip(("ends", "picks"), cloth.threads, strict=True)):
-        drafted, spacing = source.source.size[axis], threads.mean_spacing(1e-3)
-        wanted = target[axis] / spacing
-        if size is None and wanted > drafted:
-            wanted = drafted * max(1, round(wanted / drafted))
-        elif size is None and wanted > 0.8 * drafted:
-            wanted = drafted
+        repeat, wanted = drafted[axis], target[axis] / threads.mean_spacing(1e-3)
+        if size is None and wanted > _NEARLY * repeat:
+            wanted = repeat * max(1, round(wanted / repeat))
         counts.append(int(weave[key]) if ("weave", key) in assigned else max(2, round(wanted)))
+    if size is None and most is not None and math.prod(counts) > most:
+        share = math.sqrt(most / math.prod(counts))
+        counts = [max(2, round(share * count)) for count in counts]
+        plan.notes.append(
+            f"the file contains every yarn, so that the cloth has only {counts[0]} ends and "
+            f"{counts[1]} picks; --cloth-size makes it larger"
+        )
     for axis, key in enumerate(("ends", "picks")):
         weave[key] = counts[axis]
-    drafted = source.source.size
     if source.draft is not None and any(c < d for c, d in zip(counts, drafted, strict=True)):
         plan.notes.append(
             f"the cloth shows {counts[0]} of {drafted[0]} ends and {counts[1]} of {drafted[1]} "
@@ -384,7 +401,12 @@ def _layered_figures(source: WeaveSource, yarns: Mapping[str, Any]) -> dict[str,
 
 
 def _prepare_textile(
-    plan: Plan, scene: Scene, share: float, yarn: str | None, size: tuple[float, ...] | None
+    plan: Plan,
+    scene: Scene,
+    share: float,
+    yarn: str | None,
+    size: tuple[float, ...] | None,
+    _most: int | None,
 ) -> _Sheet:
     """Choose yarns and size of a textile; return the sheet that it forms."""
     values, textile = plan.values, plan.values.setdefault("textile", {})
@@ -409,8 +431,8 @@ def _prepare_textile(
     sides = np.ptp(np.reshape(data.GetBounds(), (3, 2)), axis=1)[:2]
     woven = data.GetFieldData().GetArray("areal_mass")
     if woven is None:  # of a strip, whose yarns repeat themselves along one axis only
-        named = {figure.key: figure.value for figure in source.figures}
-        mass = float(named["linear_mass"] or 0.0) / float(sides[0])
+        figures = {figure.key: figure.value for figure in source.figures}
+        mass = float(figures["linear_mass"] or 0.0) / float(sides[0])
         values["modal"]["areal_mass"] = _rounded(mass, "kg/m2")
     else:
         mass = float(woven.GetValue(0))
@@ -546,7 +568,7 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
         )
         radius = 0.08 * float(max(width, height))
         along = [1.0, 0.0, 0.0] if height > width else [0.0, 1.0, 0.0]
-        obstacles = [
+        obstacles: list[dict[str, Any]] = [
             {
                 "shape": "cylinder",
                 "radius": _length(radius),
@@ -556,8 +578,9 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
             }
         ]
     else:
-        # Cloth meets the table at samples of its cells, a quarter of their width apart.
-        thick = max(0.08 * side, 2.4 * float(width) / cells[0])
+        # Cloth meets the table at samples of its cells, a quarter of their width apart; a rim that
+        # is less round would show between them.
+        thick = max(0.08 * side, 2.8 * float(width) / cells[0])
         if side < _STIFF * sheet.bending_length:
             # It touches the rim at a few points, which friction cannot settle on.
             cells[:2] = [count + count % 2 for count in cells[:2]]
@@ -569,7 +592,7 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
                 "shape": "disc",
                 "radius": _length(0.3 * side),
                 "height": _length(thick),
-                "rounding": _length(0.25 * thick),
+                "rounding": _length(0.49 * thick),
                 "center": _lengths(x, y, z),
                 "friction": friction,
             },
