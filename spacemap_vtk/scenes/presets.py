@@ -578,8 +578,8 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
             }
         ]
     else:
-        # Cloth meets the table at samples of its cells, a quarter of their width apart; a rim that
-        # is less round would show between them.
+        # Cloth meets the table at samples of its cells, a quarter of their width apart; a
+        # sharper rim would show between them, and on a rounder one the search takes many steps.
         thick = max(0.08 * side, 2.8 * float(width) / cells[0])
         if side < _STIFF * sheet.bending_length:
             # It touches the rim at a few points, which friction cannot settle on.
@@ -592,7 +592,7 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
                 "shape": "disc",
                 "radius": _length(0.3 * side),
                 "height": _length(thick),
-                "rounding": _length(0.49 * thick),
+                "rounding": _length(0.3 * thick),
                 "center": _lengths(x, y, z),
                 "friction": friction,
             },
