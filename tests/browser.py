@@ -120,11 +120,12 @@ class Page:
         """Turn the mouse wheel at a position."""
         self._mouse("mouseWheel", x, y, deltaX=0, deltaY=turn)
 
-    def press(self, key: str) -> None:
-        """Press and release a key."""
+    def press(self, key: str, modifiers: int = 0) -> None:
+        """Press and release a key; `modifiers` is the sum of 2 for Ctrl and 8 for Shift."""
         code, number = _KEYS.get(key, (f"Key{key.upper()}", ord(key.upper()[0])))
         key_event = {"key": key, "code": code or key, "windowsVirtualKeyCode": number}
-        text = {"text": key} if len(key) == 1 else {}
+        key_event["modifiers"] = modifiers
+        text = {"text": key} if len(key) == 1 and not modifiers else {}
         self.send("Input.dispatchKeyEvent", type="keyDown", **key_event, **text)
         self.send("Input.dispatchKeyEvent", type="keyUp", **key_event)
 

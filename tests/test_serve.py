@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import io
+import json
 import os
 import signal
 import subprocess
@@ -16,11 +19,16 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from browser import Page, browser
+from PIL import Image
 
+from spacemap_vtk.app.web.history import History, Opened, Version
 from spacemap_vtk.app.web.session import Session
+from spacemap_vtk.app.web.uploads import MAX_BYTES, Uploads
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.draw.graphics import prepare_offscreen
+from spacemap_vtk.errors import InputError, SizeError
+from spacemap_vtk.scenes import library
 
 aiohttp = pytest.importorskip("aiohttp")
 msgpack = pytest.importorskip("msgpack")
@@ -39,6 +47,21 @@ _QUIET = """new Promise(done => {
   };
   look();
 })"""
+
+
+#: The picture on the page, as it was sent.
+_AS_BASE64 = """fetch(document.querySelector(".picture img").src)
+  .then(answer => answer.blob())
+  .then(blob => new Promise(done => {
+    const reader = new FileReader();
+    reader.onload = () => done(reader.result.split(",")[1]);
+    reader.readAsDataURL(blob);
+  }))"""
+#: Names of elements that a narrow page would cut off.
+_OUTSIDE = """[...document.querySelectorAll("header, header > *, main, footer > *, aside")]
+  .filter(each => { const box = each.getBoundingClientRect();
+    return box.width && (box.left < 0 || box.right > innerWidth + 0.5); })
+  .map(each => each.id || each.tagName)"""
 
 
 @pytest.fixture(scope="module")
@@ -222,6 +245,232 @@ def test_outdated_run_is_cancelled_for_the_newest_request(monkeypatch):
             # Files have no rows, and keys without a row are ignored.
             session.set("weave.draft", "/etc/passwd")
             assert session.scene.source.draft is None
+        finally:
+            work.cancel()
+            session.close()
+
+    asyncio.run(ask())
+
+
+def test_drag_makes_one_step_of_the_history() -> None:
+    opened = Opened(0, None, "Cloth", ("plain", None))
+    history = History(Version({"weave": {"ends": 7}}, opened))
+    for ends in (7, 8, 9):  # the first value of this drag changes nothing
+        history.add(Version({"weave": {"ends": ends}}, opened), "Ends", dragging=True)
+    history.add(Version({"weave": {"ends": 10}}, opened), "Ends")
+    history.add(Version({"weave": {"ends": 11}}, opened), "Ends")
+    shown = []
+    for step in (history.undo, history.undo, history.undo, history.redo):
+        step()
+        shown.append(history.version.values["weave"]["ends"])
+    assert shown == [10, 7, 7, 10]
+    assert (history.undo_name, history.redo_name) == ("Ends", "Ends")
+    history.add(Version({"weave": {"ends": 3}}, opened), "Ends")
+    assert history.redo_name == ""
+
+
+def test_patterns_scenes_and_presets_are_undone() -> None:
+    async def ask() -> None:
+        state = _State()
+        session = Session("plain_weave", ["surface.subdivisions=2"], state)
+        work = asyncio.create_task(session.run())
+
+        async def until(title: str) -> None:
+            while state.title != title:
+                assert not work.done()
+                await asyncio.sleep(0.002)
+
+        plain = "Plain weave 7 x 7, hung by its top edge"
+        try:
+            session.pattern("twill 2/2")
+            await until("Twill 2/2")
+            assert state.trame__title == "Twill 2/2 – spacemap"
+            session.pattern("drafts/houndstooth.wif")
+            await until("Houndstooth")
+            assert session.scene.draft_file == library.folder() / "drafts" / "houndstooth.wif"
+            session.set("weave.pattern", "satin 5/2")  # replaces the draft, too
+            await until("Satin 5/2")
+            assert session.scene.draft_file is None
+            session.preset("swing")
+            await until("Satin 5/2: swing from edge")
+            assert session.scene.parts["modal"].gravity is not None
+            session.pattern("twill 2/1")
+            await until("Twill 2/1: swing from edge")
+            session.pattern("../secret.wif")
+            session.open("/etc/passwd")
+            session.open("twill_2_2")
+            twill = "2/2 twill, 30 tex cotton, 24 x 22 to the centimetre"
+            await until(twill)
+            session.preset("nonsense")
+            back = ["Twill 2/1: swing from edge", "Satin 5/2: swing from edge", "Satin 5/2"]
+            back += ["Houndstooth", "Twill 2/2", plain]
+            for title in back:
+                session.undo()
+                assert state.title == title
+            assert (state.undo, state.redo) == ("", "Weave source: Pattern")
+            for _ in back:
+                session.redo()
+            assert (state.title, session.scene.source.pattern) == (twill, "twill 2/2")
+            session.cancel()
+            while session._is_busy:
+                await asyncio.sleep(0.002)
+        finally:
+            work.cancel()
+            session.close()
+
+    asyncio.run(ask())
+
+
+def test_only_drafts_and_knits_can_be_sent() -> None:
+    files = Uploads()
+    data = (library.folder() / "drafts" / "overshot.wif").read_bytes()
+    path = files.save("C:\\drafts\\../my <draft>.WIF", data)
+    assert (path.name, path.read_bytes()) == ("my _draft_.wif", data)
+    assert files.save("my <draft>.wif", b"another") != path
+    for name in ("scene.toml", "mesh.vtu", "picture.png", ".wif", ""):
+        with pytest.raises(InputError, match="only drafts and machine knitting files"):
+            files.save(name, data)
+    with pytest.raises(SizeError, match="too large"):
+        files.save("a.wif", bytes(MAX_BYTES + 1))
+    files.close()
+    assert not path.exists()
+
+
+def test_page_undoes_patterns_and_saves_the_picture(served, tmp_path):
+    _, address = served
+    with browser(900, 600) as page:
+        page.open(address)
+        page.wait_until("document.querySelector('.picture img')?.naturalWidth > 500")
+        plain = page.evaluate("document.title")
+        assert plain == "Plain weave 7 x 7, hung by its top edge – spacemap"
+        first = _still_picture(page)
+        page.click('.patterns [data-name="twill 2/2"]')
+        page.wait_until("document.title === 'Twill 2/2 – spacemap'")
+        page.wait_until("document.querySelectorAll('.weave rect').length === 16")
+        twill = _changed_picture(page, first)
+        # One square: the end no longer lies on top there.
+        page.evaluate("document.querySelector('.weave rect').dispatchEvent(new Event('click'))")
+        page.wait_until("document.title === 'Weave of 4 ends and 4 picks – spacemap'")
+        page.press("z", modifiers=2)
+        page.wait_until("document.title === 'Twill 2/2 – spacemap'")
+        page.click("#undo")
+        page.wait_until(f"document.title === {plain!r}")
+        page.wait_until("document.getElementById('undo').disabled")
+        page.press("Z", modifiers=10)
+        page.wait_until("document.title === 'Twill 2/2 – spacemap'")
+        assert np.array_equal(_still_picture(page), twill)
+
+        # The saved picture is the one on the page.
+        page.send("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+        shown = page.evaluate(_AS_BASE64)
+        page.click("#picture")
+        page.click("#save .main")
+        file = tmp_path / "Twill_2_2.png"
+        while not file.exists():
+            time.sleep(0.02)
+        page.wait_until("!document.querySelector('#save').open")
+        with Image.open(file) as saved, Image.open(io.BytesIO(base64.b64decode(shown))) as jpeg:
+            assert saved.size == jpeg.size
+            both = [np.asarray(image.convert("RGB"), float) for image in (saved, jpeg)]
+        assert abs(both[0] - both[1]).mean() < 2.0  # of 255
+        assert both[0].std() > 20.0
+        taller = page.evaluate(
+            "fetch('picture.png?width=300&height=500').then(a => a.blob()).then(createImageBitmap)"
+            ".then(image => [image.width, image.height])"
+        )
+        assert taller == [300, 500]
+        status = "fetch('picture.png?width={}&height=500').then(answer => answer.status)"
+        assert [page.evaluate(status.format(side)) for side in ("9", "9000", "x")] == [409] * 3
+        for width in (1000, 1280, 1600, 390):
+            page.show_as(width, 800)
+            page.wait_until(f"innerWidth === {width}")
+            assert page.evaluate(_OUTSIDE) == []
+        page.show_as(900, 600)
+        page.click("#undo")
+        page.wait_until(f"document.title === {plain!r}")
+
+
+@pytest.mark.nightly
+def test_page_opens_scenes_and_drafts(served):
+    _, address = served
+    with browser(1280, 800) as page:
+        page.open(address)
+        page.wait_until("document.querySelector('.picture img')?.naturalWidth > 500")
+        plain, first = page.evaluate("document.title"), _still_picture(page)
+        # The gallery: a search, and a click.
+        page.click("#scenes")
+        groups = "[...document.querySelectorAll('#gallery h3')].map(each => each.textContent)"
+        assert page.evaluate(groups) == [k for k, names in library.names_by_kind().items() if names]
+        _search(page, "flat filament")
+        page.wait_until("document.querySelectorAll('#gallery .choice').length === 1")
+        page.wait_until("document.querySelector('#gallery img').naturalWidth === 480")
+        page.click("#gallery .choice")
+        page.wait_until("document.title.startsWith('8-end satin')")
+        satin = _changed_picture(page, first)
+
+        # Drafts that are sent.
+        _send(page, "broken.wif", "no draft")
+        page.wait_until("document.querySelector('.failure') !== null")
+        failure = page.evaluate("document.querySelector('.failure').textContent")
+        assert "no section of a draft" in failure
+        assert "/" not in failure
+        _send(page, "scene.toml", "title = 1")
+        page.wait_until("document.querySelector('#gallery .message') !== null")
+        refused = page.evaluate("document.querySelector('#gallery .message').textContent")
+        assert "only drafts and machine knitting files" in refused
+        text = (library.folder() / "drafts" / "apron.wif").read_text("latin-1")
+        _send(page, "My apron.wif", text)
+        page.wait_until("document.title === 'My apron – spacemap'")
+        _changed_picture(page, satin)
+        allowed = (address, "data:", "blob:")
+        assert [each for each in page.addresses if not each.startswith(allowed)] == []
+        # The browser itself reports the answers that refuse something.
+        assert [each for each in page.complaints if "40" not in each and "41" not in each] == []
+        while not page.evaluate("document.getElementById('undo').disabled"):
+            page.click("#undo")
+            time.sleep(0.05)
+        page.wait_until(f"document.title === {plain!r}")
+
+
+def _search(page: Page, words: str) -> None:
+    page.evaluate(
+        f"(line => {{ line.value = '{words}'; line.dispatchEvent(new Event('input')); }})"
+        "(document.querySelector('#gallery [type=search]'))"
+    )
+
+
+def _send(page: Page, name: str, text: str) -> None:
+    page.evaluate(
+        f"(input => {{ const data = new DataTransfer(); "
+        f"data.items.add(new File([{json.dumps(text)}], '{name}')); "
+        "input.files = data.files; input.dispatchEvent(new Event('change')); })"
+        "(document.querySelector('#gallery [type=file]'))"
+    )
+
+
+@pytest.mark.nightly
+def test_cancelled_preset_leads_back() -> None:
+    async def ask() -> None:
+        state = _State()
+        session = Session("stockinette", [], state)
+        work = asyncio.create_task(session.run())
+        try:
+            while session.screen.frame is None or session._is_busy:
+                await asyncio.sleep(0.01)
+            title, shown = state.title, session.screen.frame
+            session.preset("hang")
+            # Relaxing and hanging the knit takes many seconds.
+            stages = set()
+            while state.title == title or state.work is None:
+                stages |= {state.work["stage"]} if state.work else set()
+                await asyncio.sleep(0.01)
+            assert "Hang as curtain" in stages
+            session.cancel()
+            while state.title != title or session._is_busy or session._request:
+                await asyncio.sleep(0.01)
+            assert state.failure == "The run was cancelled."
+            assert state.undo == ""
+            assert session.screen.frame.values == shown.values
         finally:
             work.cancel()
             session.close()

@@ -1,6 +1,6 @@
-"""Draw small pictures of the scenes that come with the program, for the window's gallery.
+"""Small pictures of the scenes that come with the program, for the galleries.
 
-The pictures are stored with the scenes, so that the gallery appears at once. After a scene has
+The pictures are stored with the scenes, so that a gallery appears at once. After a scene has
 changed, ``python -m spacemap_vtk.draw.thumbnails`` draws the outdated pictures again.
 """
 
@@ -11,7 +11,7 @@ import json
 import tomllib
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from spacemap_vtk.io.output import atomic_file
 from spacemap_vtk.io.registry import writer
@@ -20,6 +20,31 @@ from spacemap_vtk.scenes import library
 #: Width and height in pixels: twice the displayed size, for high-resolution screens.
 SIZE = (480, 320)
 _QUALITY = 84
+
+
+class Entry(NamedTuple):
+    """A scene in a gallery."""
+
+    name: str
+    """Name by which it is opened."""
+    title: str
+    """The scene's title."""
+    group: str
+    """Heading of its group."""
+
+    @property
+    def words(self) -> str:
+        """The words, in lower case, in which a search looks for each of its own."""
+        return f"{self.title} {self.name} {self.group}".lower()
+
+
+def entries() -> list[Entry]:
+    """Return the scenes that come with the program, group by group."""
+    return [
+        Entry(name, title_of(name), group)
+        for group, names in library.names_by_kind().items()
+        for name in names
+    ]
 
 
 def file_of(name: str) -> Path:

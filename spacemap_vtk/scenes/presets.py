@@ -233,11 +233,32 @@ def make_plan(
     prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
     sides = tuple(np.broadcast_to(size, 2).tolist()) if size is not None else None
     sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
-    values["title"] = f"{scene.title or 'Cloth'}: {PRESETS[preset].label.lower()}"
+    title = split_title(scene.title)[0] or "Cloth"
+    values["title"] = f"{title}: {PRESETS[preset].label.lower()}"
     _MAKERS[preset](values, sheet)
     values["warp"] = {"smooth": True}
     values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
     return plan
+
+
+def split_title(title: str) -> tuple[str, str]:
+    """Split the motion that a preset has added off a title.
+
+    Parameters
+    ----------
+    title : str
+        Title of a scene.
+
+    Returns
+    -------
+    tuple of str
+        The title of the textile, and what the preset has added; empty without a preset.
+    """
+    for preset in PRESETS.values():
+        motion = f": {preset.label.lower()}"
+        if title.endswith(motion):
+            return title.removesuffix(motion), motion
+    return title, ""
 
 
 def write_scene(scene: Scene, file: Path) -> None:

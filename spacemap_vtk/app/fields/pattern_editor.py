@@ -24,19 +24,10 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.weave_parameters import pattern_repeat
 from spacemap_vtk.parameters import Parameter
 from spacemap_vtk.scenes.assignments import parse_value
+from spacemap_vtk.scenes.pattern_choices import PATTERNS
 from spacemap_vtk.textile.drafts import drawdown
 from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 
-#: Weaves to choose from; any other name can be typed.
-COMMON = (
-    "plain",
-    "twill 2/1",
-    "twill 2/2",
-    "twill 3/1",
-    "satin 5/2",
-    "satin 8/3",
-    "basket 2",
-)
 #: Largest and smallest side of a square, and largest height of the grid, in pixels.
 _MAX_SQUARE = 26.0
 _MIN_SQUARE = 3.0
@@ -54,7 +45,7 @@ class PatternEditor(Editor):
         super().__init__(parameter)
         self.box = QComboBox(editable=True, insertPolicy=QComboBox.InsertPolicy.NoInsert)
         ignore_wheel(self.box)
-        self.box.addItems(COMMON)
+        self.box.addItems(PATTERNS)
         self.line = self.box.lineEdit()
         self.grid = PatternGrid()
         self.size = QLabel(objectName="about")

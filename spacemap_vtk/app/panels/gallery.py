@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import groupby
 from pathlib import Path
 
 from PySide6.QtCore import QSize, Qt, Signal
@@ -32,6 +33,7 @@ from PySide6.QtWidgets import (
 from spacemap_vtk.app.documents.file_thumbnails import thumbnail_of
 from spacemap_vtk.app.widgets import column, note, row, tool_button
 from spacemap_vtk.draw import thumbnails
+from spacemap_vtk.draw.thumbnails import Entry
 from spacemap_vtk.scenes import library
 
 #: Smallest width of a thumbnail, in pixels.
@@ -69,10 +71,10 @@ class Gallery(QWidget):
         self._recent: list[str] = []
         #: A button for each preset of motion.
         self.presets: list[QToolButton] = []
-        for group, names in library.names_by_kind().items():
+        for group, scenes in groupby(thumbnails.entries(), lambda entry: entry.group):
             self.list.add_heading(group)
-            for name in names:
-                self.list.add_thumbnail(name, thumbnails.title_of(name), group)
+            for entry in scenes:
+                self.list.add_thumbnail(entry)
         self.list.chosen.connect(self.chosen)
         self.nothing = note("No scene matches. Search for words of a title or a name.")
         self.nothing.hide()
@@ -118,7 +120,8 @@ class Gallery(QWidget):
         if self._recent:
             self.list.add_heading(_RECENT, 0)
         for place, name in enumerate(self._recent, 1):
-            item = self.list.add_thumbnail(name, Path(name).name, _RECENT, place)
+            entry = Entry(name, Path(name).name, _RECENT)
+            item = self.list.add_thumbnail(entry, place)
             item.setIcon(_load_icon(thumbnail_of(Path(name)), Path(name).suffix))
         self._filter(self.search.text())
 
@@ -174,15 +177,13 @@ class _ThumbnailList(QListWidget):
         item.setSizeHint(self._sizes[1])
         self.insertItem(self.count() if place is None else place, item)
 
-    def add_thumbnail(
-        self, name: str, title: str, group: str, place: int | None = None
-    ) -> QListWidgetItem:
+    def add_thumbnail(self, entry: Entry, place: int | None = None) -> QListWidgetItem:
         """Add an item without its picture."""
-        item = QListWidgetItem(title)
-        item.setData(_NAME, name)
-        item.setData(_GROUP, group)
-        item.setData(_WORDS, f"{title} {name} {group}".lower())
-        item.setToolTip(f"{title}\n{name}")
+        item = QListWidgetItem(entry.title)
+        item.setData(_NAME, entry.name)
+        item.setData(_GROUP, entry.group)
+        item.setData(_WORDS, entry.words)
+        item.setToolTip(f"{entry.title}\n{entry.name}")
         item.setTextAlignment(Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop)
         item.setSizeHint(self._sizes[0])
         self.insertItem(self.count() if place is None else place, item)

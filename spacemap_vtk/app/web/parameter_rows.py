@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.app.fields.parameter_info import (
@@ -16,10 +17,13 @@ from spacemap_vtk.app.fields.parameter_info import (
 )
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.weave_parameters import pattern_repeat
 from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
+from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parse_value
 from spacemap_vtk.scenes.pipeline import stage_title
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.textile.drafts import drawdown
 
 #: Editor for each kind of parameter. For security, kinds that name files are excluded: the page
 #: gives access to this scene and to no other file of the machine.
@@ -31,7 +35,7 @@ _EDITORS = {
     "choice": "choice",
     "color": "color",
     "vector": "text",
-    "pattern": "text",
+    "pattern": "pattern",
     "supports": "text",
 }
 #: Parameters that have other controls in the page or only concern output files.
@@ -39,6 +43,8 @@ _EXCLUDED = (
     *("view.color", "view.size", "view.time", "view.zoom", "view.shadows"),
     *("view.aperture", "view.focus", "animation.frames_per_second", "animation.orbit"),
 )
+#: Most ends and picks of a repeat whose squares the page shows.
+_MOST_SQUARES = 24
 #: Number of a section's rows that are shown at first, besides those written in the scene file.
 _SHOWN_AT_FIRST = 3
 
@@ -109,6 +115,10 @@ class ParameterRows:
         kept = {k: v for k, v in self._refused.items() if k != key and (key or v[0] is not None)}
         self._refused = kept
 
+    def clear_all(self) -> None:
+        """Forget all refused values."""
+        self._refused.clear()
+
     def _rows(
         self, section: str, part: Parameterised, written_names: Collection[str]
     ) -> list[dict[str, Any]]:
@@ -119,7 +129,8 @@ class ParameterRows:
             key, component = f"{section}.{name}", getattr(parameter, "component", None)
             editor = _EDITORS.get(parameter.kind)
             idle = idle_reason(part, name, results)
-            if editor is None or key in _EXCLUDED or (idle and name not in written_names):
+            is_hidden = idle and name not in written_names and editor != "pattern"
+            if editor is None or key in _EXCLUDED or is_hidden:
                 continue
             if parameter.kind == "series" and not isinstance(component, Real):
                 editor = "text"
@@ -145,7 +156,9 @@ class ParameterRows:
                 "changed": name in written_names,
                 "first": bool(bad) or name in written_names or len(rows) < _SHOWN_AT_FIRST,
             }
-            if editor == "choice":
+            if editor == "pattern":
+                _describe_weave(row, value, getattr(part, "draft", None))
+            elif editor == "choice":
                 row["choices"] = list(getattr(parameter, "choices", ()))
             elif editor == "flag":
                 row["on"] = bool(value)
@@ -160,6 +173,19 @@ class ParameterRows:
         if interval is not None or span is None or not span.low <= value <= span.high:
             self._spans[key] = span = slider_span(_number_parameter(parameter), value, interval)
         return span
+
+
+def _describe_weave(row: dict[str, Any], pattern: Any, draft: Path | None) -> None:
+    """Add to a row which choice of the page's list is woven, and the squares of a repeat."""
+    if draft is not None:
+        folder = library.folder() / "drafts"
+        row["chosen"] = f"drafts/{draft.name}" if draft.parent == folder else ""
+        row |= {"text": "", "note": "", "automatic": f"draft {draft.name}", "changed": True}
+        return
+    row["chosen"] = pattern if isinstance(pattern, str) else ""
+    repeat = pattern_repeat(pattern)
+    if max(repeat.shape) <= _MOST_SQUARES:
+        row["repeat"] = drawdown.to_rows(repeat)
 
 
 def _number_parameter(parameter: Parameter[Any]) -> Real:

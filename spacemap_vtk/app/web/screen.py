@@ -56,9 +56,9 @@ class Screen:
         self._preset: tuple[Aim | None, Viewpoint] | None = None
         self._drawn: tuple[int, bytes] = 0, b""
 
-    def show_frame(self, frame: Frame, view: View) -> None:
-        """Set the frame and its view settings."""
-        first = self.frame is None
+    def show_frame(self, frame: Frame, view: View, is_new: bool = False) -> None:
+        """Set the frame and its view settings; aim the camera at a scene that is new."""
+        first = is_new or self.frame is None
         moved = view.camera != self._view.camera
         self.frame = frame
         self._view = view
@@ -72,10 +72,7 @@ class Screen:
         self._ratio = min(max(ratio, 0.5), 2.0, max(max_ratio, 0.1))
         size = tuple(max(_MIN_SIDE, round(side * self._ratio)) for side in (width, height))
         self.dark = dark
-        self.window.size = size[0], size[1]
-        self.window.render_window.SetSize(*size)
-        self.window.render_window.SetDPI(round(72 * self._ratio))
-        self._refresh()
+        self._set_size((size[0], size[1]), self._ratio)
         if self._preset is not None and self._preset[1][:3] == self._place[:3]:
             self.aim(self._preset[0])
 
@@ -149,9 +146,41 @@ class Screen:
             self._drawn = self.version, file.getvalue()
         return self._drawn[1]
 
+    def draw_file(self, frame: Frame, view: View, size: tuple[int, int] | None) -> bytes:
+        """Draw a frame from the present viewpoint, and return it as PNG."""
+        # A picture with other proportions shows all that the page shows, and more.
+        shown, place = (self.frame, self._view, self.window.size, self._ratio), self._place
+        steering, version = self.steering, self.version
+        width, height = size or self.window.size
+        now_width, now_height = self.window.size
+        self.steering, self.frame, self._view = False, frame, view
+        try:
+            enlargement = min(width / now_width, height / now_height)
+            self._set_size((width, height), self._ratio * enlargement)
+            narrower = now_width / now_height * height / width
+            place.widen(max(1.0, narrower)).apply_to(self.window.camera)
+            self.window.renderer.SetUseFXAA(True)
+            self.window.renderer.ResetCameraClippingRange()
+            self.window.render(front=view.loads)
+            image = Image.fromarray(np.ascontiguousarray(self.window.pixels()[..., :3]))
+        finally:
+            self.steering, (self.frame, self._view, size, ratio) = steering, shown
+            self._set_size(size, ratio)
+            place.apply_to(self.window.camera)
+            self.version = version
+        file = io.BytesIO()
+        image.save(file, "PNG")
+        return file.getvalue()
+
     def close(self) -> None:
         """Free the window."""
         self.window.close()
+
+    def _set_size(self, size: tuple[int, int], ratio: float) -> None:
+        self.window.size, self._ratio = size, ratio
+        self.window.render_window.SetSize(*size)
+        self.window.render_window.SetDPI(round(72 * ratio))
+        self._refresh()
 
     def _refresh(self) -> None:
         frame, view = self.frame, self._view

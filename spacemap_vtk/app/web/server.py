@@ -14,20 +14,23 @@ import contextlib
 import errno
 import ipaddress
 import os
+import re
 import secrets
 import signal
 import socket
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from spacemap_vtk.app.requirements import require_packages
+from spacemap_vtk.app.web import uploads
 from spacemap_vtk.app.web.session import TIME_STEPS, Session
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.draw import thumbnails
+from spacemap_vtk.errors import InputError, SizeError, SpacemapError
 from spacemap_vtk.scenes.presets import Plan
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.temporary_files import END_SIGNALS
@@ -45,6 +48,10 @@ _HEADERS = {
 }
 _REFUSED = "Refused: open the complete address that the program printed, including the token.\n"
 _HERE = Path(__file__).parent
+#: Least and largest side of a saved picture, and most pixels.
+_MIN_SIDE = 64
+_MAX_SIDE = 8192
+_MAX_PIXELS = 34_000_000
 
 
 def serve(
@@ -126,21 +133,24 @@ def _set_up_page(server: Any, session: Session, token: str) -> None:
             "scripts": ["page/page.js"],
             "styles": ["page/page.css"],
             "vue_use": ["spacemap"],
-            "serve": {"page": str(_HERE / "page")},
+            "serve": {
+                "page": str(_HERE / "page"),
+                "thumbnails": str(thumbnails.file_of("").parent),
+            },
         }
     )
     # Put everything below the token. Longer names come first, because they are matched first.
     server.serve = {f"{token}/{name}": folder for name, folder in server.serve.items()}
     server.serve[token] = vue3.www
     state = server.state
-    state.trame__title = f"{session.scene.title} · spacemap"
     state.trame__favicon = "page/icon.svg"
     state.trame__template_main = (_HERE / "page" / "page.html").read_text(encoding="utf-8")
     state.trame__template_error = (_HERE / "page" / "closed.html").read_text(encoding="utf-8")
     state.time_steps = TIME_STEPS
+    state.file_endings, state.max_bytes = uploads.endings(), uploads.MAX_BYTES
     for name in (
         *("set", "switch", "slide", "reset", "color", "seek", "go", "play", "cancel"),
-        *("resize", "aim", "steer", "preset"),
+        *("resize", "aim", "steer", "preset", "pattern", "undo", "redo", "open"),
     ):
         server.trigger(name)(getattr(session, name))
 
@@ -177,6 +187,34 @@ def _add_guard(app: Any, session: Session, token: str, tickets: list[str]) -> No
         session.fetched.set()
         return web.Response(body=data, content_type="image/jpeg")
 
+    async def picture_file(request: Any) -> Any:
+        try:
+            size = _read_size(request.query)
+            data = await session.save_picture(size)
+        except SpacemapError as error:
+            return web.Response(status=409, text=str(error))
+        name = re.sub(r"[^\w.-]+", "_", session.scene.title).strip("_") or "picture"
+        return web.Response(
+            body=data,
+            content_type="image/png",
+            headers={"Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}.png"},
+        )
+
+    async def upload(request: Any) -> Any:
+        name, data = request.query.get("name", ""), bytearray()
+        try:
+            name = session.uploads.check_name(name)
+            async for part in request.content.iter_any():
+                data += part
+                if len(data) > uploads.MAX_BYTES:
+                    raise uploads.too_large_error(name)
+            session.open_file(session.uploads.save(name, bytes(data)))
+        except SpacemapError as error:
+            return web.Response(
+                status=413 if isinstance(error, SizeError) else 415, text=str(error)
+            )
+        return web.Response(status=204)
+
     async def page(_request: Any) -> Any:
         return web.FileResponse(Path(vue3.www) / "index.html")
 
@@ -189,6 +227,25 @@ def _add_guard(app: Any, session: Session, token: str, tickets: list[str]) -> No
     app.router.add_get(f"/{token}/", page)
     app.router.add_post(f"/{token}/paraview/", launcher)
     app.router.add_get(f"/{token}/picture.jpg", picture)
+    app.router.add_get(f"/{token}/picture.png", picture_file)
+    app.router.add_post(f"/{token}/upload", upload)
+
+
+def _read_size(query: Mapping[str, str]) -> tuple[int, int] | None:
+    """Return the size that a request asks for, in pixels; None for that of the page."""
+    if not query:
+        return None
+    width, height = (query.get(key, "") for key in ("width", "height"))
+    sides = [int(side) if re.fullmatch(r"\d{1,5}", side) else 0 for side in (width, height)]
+    if min(sides) < _MIN_SIDE or max(sides) > _MAX_SIDE or sides[0] * sides[1] > _MAX_PIXELS:
+        raise InputError(
+            "the picture cannot have this size",
+            key="size",
+            value=f"{width} x {height}",
+            allowed=f"sides from {_MIN_SIDE} to {_MAX_SIDE} pixels, "
+            f"together at most {_MAX_PIXELS // 10**6} million pixels",
+        )
+    return sides[0], sides[1]
 
 
 def _is_local(name: str) -> bool:

@@ -54,7 +54,20 @@ def from_matrix(matrix: Sequence[str | Sequence[int]] | NDArray) -> Bools:
 
 
 def tile_drawdown(matrix: ArrayLike, ends: int, picks: int) -> Bools:
-    """Repeat a drawdown over a cloth, and cut it off at the far edges."""
+    """Repeat a drawdown over a cloth, and cut it off at the far edges.
+
+    Parameters
+    ----------
+    matrix : (rows, columns) array_like
+        Drawdown of one repeat.
+    ends, picks : int
+        Numbers of ends and picks of the cloth.
+
+    Returns
+    -------
+    (picks, ends) ndarray of bool
+        Drawdown of the cloth.
+    """
     unit = as_drawdown(matrix)
     check_counts(ends=ends, picks=picks)
     return unit[np.arange(picks)[:, None] % len(unit), np.arange(ends) % unit.shape[1]]
