@@ -108,14 +108,16 @@ def test_requests_without_the_token_are_refused(served, opened):
 
     async def ask() -> None:
         async with aiohttp.ClientSession() as client:
-            for path in ("", "index.html", "ws", "picture.jpg", "page/page.js", "vue.global.js"):
+            paths = "", "index.html", "ws", "picture.jpg", "page/page.js", "vue.global.js"
+            for path in (*paths, "picture.png", "thumbnails/tartan.jpg", "upload"):
                 for where, headers in (
                     (root + path, {}),
                     (f"{root}{wrong}/{path}", {}),
                     (address + path, name),
                     (address + path, origin),
                 ):
-                    async with client.get(where, headers=headers) as answer:
+                    send = client.post if path == "upload" else client.get
+                    async with send(where, headers=headers) as answer:
                         assert answer.status == 403, where
                         assert token not in await answer.text()
             for path in ("ws", f"{wrong}/ws"):
