@@ -259,12 +259,13 @@ window.spacemap = (() => {
           </div>
           <p v-if="message" class="message" role="alert">{{ message }}</p>
           <div class="buttons">
-            <button type="button" @click="dialog.close()">Close</button>
+            <button type="button" @click="leave">{{ busy ? "Cancel" : "Close" }}</button>
             <button class="main" :disabled="busy">{{ busy ? "Drawing…" : "Save" }}</button>
           </div>
         </form>
       </dialog>`,
     setup() {
+      const trame = inject("trame");
       const dialog = ref(null), size = ref(""), message = ref(""), busy = ref(false);
       const width = ref("2000"), height = ref("2000");
       const show = () => {
@@ -291,7 +292,8 @@ window.spacemap = (() => {
         }
         busy.value = false;
       }
-      return { dialog, size, message, busy, width, height, show, save };
+      const leave = () => (busy.value ? trame.trigger("cancel", []) : dialog.value.close());
+      return { dialog, size, message, busy, width, height, show, leave, save };
     },
   };
 
