@@ -96,9 +96,11 @@ def test_square_arrays_have_the_permeability_of_series_that_meet_the_walls(share
     np.testing.assert_allclose(found - np.diag(np.diag(found)), 0.0, atol=1e-3 * across)
 
 
-def test_the_series_have_the_values_of_their_authors() -> None:
-    # A. S. Sangani and A. Acrivos, Int. J. Multiphase Flow 8 (1982) 193: force over viscosity and
-    # velocity; J. E. Drummond and M. I. Tahir, Int. J. Multiphase Flow 10 (1984) 515.
+def test_the_series_have_the_values_that_others_quote() -> None:
+    # Force over viscosity and velocity, as Basilisk's test cylinders.c quotes them from Table 1 of
+    # A. S. Sangani and A. Acrivos, Int. J. Multiphase Flow 8 (1982) 193; a formula that is quoted
+    # from J. E. Drummond and M. I. Tahir, Int. J. Multiphase Flow 10 (1984) 515. The two papers
+    # were not read.
     for share, force in ((0.05, 15.56), (0.1, 24.83), (0.2, 51.53), (0.4, 217.89), (0.5, 532.55)):
         assert 1 / permeability_across(share) == pytest.approx(force, rel=2e-4)
     share = 0.1
@@ -108,8 +110,8 @@ def test_the_series_have_the_values_of_their_authors() -> None:
 
 @pytest.mark.parametrize("share", [0.05, 0.1])
 def test_hexagonal_arrays_have_the_permeability_of_the_series(share: float) -> None:
-    # J. E. Drummond and M. I. Tahir, Int. J. Multiphase Flow 10 (1984) 515, without the terms of
-    # the fourth power, which are below 0.1 % here.
+    # Formulas quoted from Drummond and Tahir, see above, without the terms of the fourth power,
+    # which are below 0.1 % here.
     rows, columns, lines = 112, 64, 8
     y = (np.arange(rows * lines) + 0.5) / (rows * lines) * 3**0.5
     z = (np.arange(columns * lines) + 0.5) / (columns * lines)
@@ -170,5 +172,12 @@ def test_the_permeability_of_a_weave_is_printed_with_its_error(
     assert end.value.code == 2
     assert "right angles" in capsys.readouterr().err
     with pytest.raises(SystemExit):
-        main(words)
-    assert "m²" in capsys.readouterr().out
+        main(words[:-1])
+    printed = capsys.readouterr()
+    assert "m²" in printed.out
+    # Gaps of few voxels are reported.
+    assert "rough" in printed.err
+    with pytest.raises(SystemExit) as end:
+        main([*words[:2], "--voxels", "12"])
+    assert end.value.code == 2
+    assert "at least 16" in capsys.readouterr().err

@@ -24,9 +24,9 @@ def test_the_constants_are_those_of_the_command_line(
     window = open_scene("plain_weave")
     tab, document = window.composite, window.document
     assert window.tabs.indexOf(tab) < 0
+    window.show_composite.trigger()
+    assert window.tabs.currentWidget() is tab
     document.set("unit_cell", "voxels", 16)
-    wait_until(lambda: window.tabs.indexOf(tab) > 0)
-    window.tabs.setCurrentWidget(tab)
     tab.fibre.setCurrentIndex(tab.fibre.findData("carbon_t300"))
     tab.fibre.activated.emit(tab.fibre.currentIndex())
     assert document.scene.parts["unit_cell"].fibre == "carbon_t300"
@@ -86,6 +86,21 @@ def test_the_constants_are_those_of_the_command_line(
     assert saved == [("unit_cell", tmp_path / "c.vti")]
 
 
+def test_a_knit_is_put_into_a_matrix_by_one_button(open_scene: Any) -> None:
+    window = open_scene("stockinette")
+    window.show_composite.trigger()
+    window.document.set("unit_cell", "voxels", 16)
+    window.document.set("unit_cell", "thickness", 0.01)
+    tab = window.composite
+    tab.run_button.click()
+    wait_until(lambda: tab.run_button.text() == "Compute")
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""
+    assert tab.result is not None
+    # A mould that is higher than the knit is reported.
+    assert "unit_cell.height" in tab.notes.text()
+
+
 def test_a_scene_without_a_cage_is_drawn_with_a_unit_cell(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     wait_until(lambda: settled(window))
@@ -94,3 +109,11 @@ def test_a_scene_without_a_cage_is_drawn_with_a_unit_cell(open_scene: Any) -> No
     wait_until(lambda: settled(window) and window.view.frame.values == window.document.values)
     assert window.errors.text == ""
     assert window.view.scene_view.surface.GetVisibility()
+
+
+def test_a_tube_is_refused_without_the_name_of_a_file(open_scene: Any) -> None:
+    window = open_scene("tubular_braid")
+    window.show_composite.trigger()
+    window.composite.run_button.click()
+    wait_until(lambda: window.composite.run_button.text() == "Compute")
+    assert window.composite.notes.text().startswith("a unit cell needs a textile")

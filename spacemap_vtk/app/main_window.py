@@ -68,7 +68,7 @@ from spacemap_vtk.filters.cage_state import copy_state
 from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.laboratory import COTTON
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
-from spacemap_vtk.scenes.presets import PRESETS
+from spacemap_vtk.scenes.presets import PRESETS, YARN_CURE
 from spacemap_vtk.scenes.report import describe_motion, summarise_motion
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import View
@@ -159,6 +159,12 @@ class MainWindow(QMainWindow):
             )
             for name, preset in PRESETS.items()
         }
+        self.show_composite = action(
+            self,
+            "Composite",
+            self._show_composite,
+            tip="Put the textile into a matrix: show its unit cell and compute elastic constants",
+        )
         self._lay_out()
         self.menus = Menus(
             self,
@@ -170,7 +176,7 @@ class MainWindow(QMainWindow):
             self.view,
             self.properties,
             self.panels.values(),
-            self.presets.values(),
+            (*self.presets.values(), self.show_composite),
         )
         self.draft.commands.add_to(self.menuBar(), self.menus.time.menuAction())
         parts = Parts(
@@ -289,7 +295,7 @@ class MainWindow(QMainWindow):
         for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
             self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
-        self.splitter.setSizes([300, 790, 350])
+        self.splitter.setSizes([300, 740, 400])
         self.setCentralWidget(self.splitter)
         # A narrower window hides the tabs.
         self.setMinimumWidth(_MIN_WIDTH)
@@ -397,7 +403,7 @@ class MainWindow(QMainWindow):
         # As a temporary message: the next frame would replace the text about the view.
         self.exports.written.connect(lambda file: self._show_message(f"Saved: {file}"))
         self.exports.copied.connect(self._show_message)
-        self.gallery.show_presets(self.presets.values())
+        self.gallery.show_presets((*self.presets.values(), self.show_composite))
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
 
@@ -520,13 +526,20 @@ class MainWindow(QMainWindow):
         self._try_change(change)
         if notes:
             text = ". ".join(note[0].upper() + note[1:] for note in notes)
+            text = text.replace(YARN_CURE, "; change them in the form of the source")
             self._show_message(f"{text}.")
 
     def _show_presets(self) -> None:
         """Enable presets for a textile."""
         textile = self.document.scene.textile is not None
-        for act in self.presets.values():
+        for act in (*self.presets.values(), self.show_composite):
             act.setEnabled(textile)
+
+    def _show_composite(self) -> None:
+        """Switch the unit cell on, and show its tab."""
+        self.switch_stage(self.composite.section)
+        if self.tabs.indexOf(self.composite) >= 0:
+            self.tabs.setCurrentWidget(self.composite)
 
     @property
     def _hanging_values(self) -> dict[str, Any]:

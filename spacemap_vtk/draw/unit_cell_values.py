@@ -29,7 +29,7 @@ CONTENTS = {
     **{f"strain_{name}": f"Strain {name}" for name in COMPONENTS},
 }
 #: Planes of slices: label, and the axis across them.
-PLANES = {"z": "xy, seen from above", "y": "xz, across the warp", "x": "yz, across the weft"}
+PLANES = {"z": "xy, from above", "y": "xz, across warp", "x": "yz, across weft"}
 #: Share of yarn from which a voxel belongs to it.
 INSIDE = 0.5
 #: Colour of the matrix.

@@ -25,6 +25,7 @@ from spacemap_vtk.unit_cell.mixtures import YARN_RULES, Constituent
 from spacemap_vtk.unit_cell.phases import Phases, UnitCellModel, assign_materials
 from spacemap_vtk.unit_cell.rasterise import Voxels, rasterise, stack
 from spacemap_vtk.unit_cell.surfaces import YarnSurfaces, sample_surfaces
+from spacemap_vtk.units import format_quantity
 
 #: Bytes per voxel while the constants are computed, measured and rounded up.
 _VOXEL_BYTES = 900
@@ -33,9 +34,11 @@ _LEAST, _PER_YARN, _MOST = 64, 16, 256
 #: Fewest voxels for each yarn, if none are given.
 _LEAST_PER_YARN = 8
 #: Fewest voxels along any side.
-_FEWEST = 8
+FEWEST_VOXELS = 8
 #: Share of the yarns' volume inside other yarns from which it is reported.
 _OVERLAP = 0.002
+#: Share of the height of the layers by which a mould may be higher without a warning.
+_INFLATED = 0.01
 
 
 def _own(help: str, unit: str, of: str, **more: Any) -> Real:
@@ -74,7 +77,7 @@ class UnitCell(Stage):
     voxels = Integer(
         None,
         "Number of voxels along the longer side of the repeat.",
-        minimum=_FEWEST,
+        minimum=FEWEST_VOXELS,
         maximum=1024,
         automatic="16 for each yarn, at least 64 and at most 256",
     )
@@ -149,8 +152,8 @@ class UnitCell(Stage):
     def run(self, inputs: list[vtkUnstructuredGrid], output: vtkImageData, time: float) -> None:
         """Fill the voxels."""
         cell = make_unit_cell(self, inputs[0], self.voxels)
-        if cell[0].overlap > _OVERLAP:
-            self.warn(_describe_overlap(cell[0].overlap))
+        for text in self.find_warnings(*cell):
+            self.warn(text)
         fill_image(output, *cell, self.packing, self.gradient(*cell))
 
     @property
@@ -256,6 +259,38 @@ class UnitCell(Stage):
         made = shear_gradient(np.radians(shear), factor)
         return made if voxels.base is None else made @ voxels.base
 
+    def find_warnings(self, voxels: Voxels, spacing: Floats) -> list[str]:
+        """Describe what is doubtful in a cell.
+
+        Parameters
+        ----------
+        voxels : Voxels
+            Voxels of the textile.
+        spacing : ndarray, shape (3,)
+            Size of a voxel [m].
+
+        Returns
+        -------
+        list of str
+            One sentence for yarns that overlap, and one for a mould that is higher than the layers.
+        """
+        found = []
+        if voxels.overlap > _OVERLAP:
+            found.append(
+                f"{voxels.overlap:.1%} of the yarns' volume lies inside other yarns, so that there "
+                "is less fibre in the cell than in the cloth"
+            )
+        height = len(voxels.fraction) * float(spacing[2])
+        if self.thickness is not None and self.thickness > (1 + _INFLATED) * height:
+            found.append(
+                f"unit_cell.thickness = {format_quantity(self.thickness, 'm', 3)} is more than the "
+                f"height of the layers, {format_quantity(height, 'm', 3)}: yarns become "
+                f"{self.thickness / height:.3g} times as high with the same fibres. For matrix "
+                f"above and below the yarns set unit_cell.height = "
+                f'"{format_quantity(self.thickness / self.layers, "m", 3)}" instead'
+            )
+        return found
+
     def model(self, title: str, patches: vtkUnstructuredGrid) -> UnitCellModel:
         """Make voxels and materials for a file.
 
@@ -325,8 +360,10 @@ def make_unit_cell(
     field = patches.GetFieldData()
     if not field.HasArray(REPEAT):
         raise InputError(
-            "the piece is too small to contain a repeat of the textile with its neighbours",
-            cure="Make a larger piece, for example --set weave.ends=12 --set weave.picks=12.",
+            "the patches hold no whole repeat of the textile with its neighbours",
+            cure="Make a larger piece of a weave, for example weave.ends = 12 and "
+            "weave.picks = 12; for other textiles connect the stage to "
+            "TextileSource.around_repeat().",
         )
     repeat = array_of(field, REPEAT, "a textile").reshape(2, 3)[:, :2].astype(np.float64)
     corner = array_of(field, CORNER, "a textile").ravel().astype(np.float64)
@@ -380,14 +417,6 @@ def make_unit_cell(
     return stack(layer, levels, shifts, depth + depth % 2), spacing
 
 
-def _describe_overlap(share: float) -> str:
-    """Describe yarns that lie inside each other."""
-    return (
-        f"{share:.1%} of the yarns' volume lies inside other yarns, so that there is less fibre in "
-        "the cell than in the cloth"
-    )
-
-
 def _surfaces_of(patches: vtkUnstructuredGrid, low: Floats, high: Floats) -> YarnSurfaces:
     weights = patches.GetPointData().GetRationalWeights()
     return sample_surfaces(
@@ -435,5 +464,5 @@ def _shape(size: Floats, count: int) -> Any:
     # Cloth is thin: half as many voxels through it as along it, or cubes.
     through = max(size[2] / size[:2].max() * count, count / 2)
     # Halves of these numbers are sizes of fast Fourier transforms.
-    halves = [max(_FEWEST, round(side)) // 2 for side in (*sides, through)]
+    halves = [max(FEWEST_VOXELS, round(side)) // 2 for side in (*sides, through)]
     return np.array([2 * next_fast_len(half, real=True) for half in halves])

@@ -103,7 +103,8 @@ class CompositeMapJob(Job):
         else:
             self.write_output(context, "surface", map_as_surface(found))
         context.progress(_STEPS, _STEPS)
-        angles = ", ".join(f"{angle:.0f}°" for angle in found.angles)
+        # Rounded before 0 is added, so that no angle is -0°.
+        angles = ", ".join(f"{angle:g}°" for angle in dict.fromkeys(found.angles.round() + 0.0))
         areas = ", ".join(f"{area:.1%}" for area in found.areas)
         low, high = found.fibre_share.min(), found.fibre_share.max()
         fibres = f"{low:.1%}" if high - low < 5e-4 else f"{low:.1%} to {high:.1%}"

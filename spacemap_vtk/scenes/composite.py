@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.textile import Textile
-from spacemap_vtk.filters.unit_cell import UnitCell, make_unit_cell
+from spacemap_vtk.filters.unit_cell import FEWEST_VOXELS, UnitCell, make_unit_cell
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.homogenise import (
@@ -60,6 +60,24 @@ def find_unit_cell(scene: Scene) -> tuple[UnitCell, Any]:
         return stage, source.around_repeat().update().output
 
 
+def warn_of_cell(scene: Scene, stage: UnitCell, voxels: Voxels, spacing: Floats) -> None:
+    """Add what is doubtful in a cell to the warnings of its scene."""
+    for text in stage.find_warnings(voxels, spacing):
+        scene.warn(text)
+
+
+def half_of(count: int) -> int:
+    """Return the number of voxels from which the error follows; refuse too few to halve."""
+    if count < 2 * FEWEST_VOXELS:
+        raise InputError(
+            "too few voxels for an error, which is the difference from half as many",
+            key="unit_cell.voxels",
+            value=count,
+            allowed=f"at least {2 * FEWEST_VOXELS}",
+        )
+    return count // 2
+
+
 def unit_cell_model(
     scene: Scene, fields: bool = False, progress: Progress | None = None
 ) -> UnitCellModel:
@@ -67,6 +85,7 @@ def unit_cell_model(
     stage, patches = find_unit_cell(scene)
     with scene.add_file_to_errors():
         model = stage.model(scene.title, patches)
+        warn_of_cell(scene, stage, model.voxels, model.spacing)
         if not fields:
             return model
         phases = stage.assign(model.voxels, model.spacing)
@@ -129,9 +148,10 @@ def compute_constants(
     made: list[Any] = []
     with scene.add_file_to_errors():
         voxels, spacing = make_unit_cell(stage, patches, stage.voxels)
+        warn_of_cell(scene, stage, voxels, spacing)
         fine = voxels
         longest = max(voxels.fraction.shape[1:])
-        for count in (longest, longest // 2):
+        for count in (longest, half_of(longest)):
             if count != longest:
                 voxels, spacing = make_unit_cell(stage, patches, count)
             else:

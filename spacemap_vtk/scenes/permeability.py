@@ -10,9 +10,12 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.unit_cell import make_unit_cell
 from spacemap_vtk.ndarrays import Floats, Progress
-from spacemap_vtk.scenes.composite import find_unit_cell
+from spacemap_vtk.scenes.composite import find_unit_cell, half_of, warn_of_cell
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.stokes import permeability
+
+#: Error over value from which it is reported.
+_ROUGH = 0.2
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,10 @@ def compute_permeability(scene: Scene, progress: Progress | None = None) -> Perm
 
     with scene.add_file_to_errors():
         fine, size = make_unit_cell(stage, patches, stage.voxels)
+        warn_of_cell(scene, stage, fine, size)
         voxels, spacing = fine, size
         longest = max(fine.fraction.shape[1:])
-        for count in (longest, longest // 2):
+        for count in (longest, half_of(longest)):
             if count != longest:
                 voxels, spacing = make_unit_cell(stage, patches, count)
             changed = stage.gradient(voxels, spacing)
@@ -61,6 +65,14 @@ def compute_permeability(scene: Scene, progress: Progress | None = None) -> Perm
             if not tensors:
                 size = spacing * fine.fraction.shape[::-1]
             tensors.append(permeability(voxels.fraction, spacing, report_progress=report))
+    errors = abs(np.diagonal(tensors[0] - tensors[1])) / np.diagonal(tensors[0])
+    if rough := [
+        f"{axis}: {error:.0%}" for axis, error in zip("xyz", errors, strict=True) if error > _ROUGH
+    ]:
+        scene.warn(
+            f"the permeability is rough ({', '.join(rough)} of the value): gaps between yarns are "
+            f"few voxels wide. Take more, for example unit_cell.voxels = {2 * longest}"
+        )
     depth, rows, width = fine.fraction.shape
     return Permeability(size, (width, rows, depth), float(fine.fraction.mean()), *tensors)
 

@@ -87,8 +87,8 @@ class Preset(NamedTuple):
     """One sentence on what it shows."""
 
 
-#: How to choose other yarns.
-_CURE = '; choose others with --yarn "8/2 cotton" (see "spacemap yarns")'
+#: How the command line chooses other yarns.
+YARN_CURE = '; choose others with --yarn "8/2 cotton" (see "spacemap yarns")'
 
 #: The presets by name.
 PRESETS = {
@@ -390,7 +390,7 @@ def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
         words.append(name or f"{_MATERIAL} of {mean * 1e6:.4g} tex{size}")
     both = f"of {words[0]}" if words[0] == words[1] else f"of {words[0]} and {words[1]}"
     chosen = any(getattr(source, parameter_name("yarn", family)) for family in (0, 1))
-    cure = "" if chosen else _CURE
+    cure = "" if chosen else YARN_CURE
     plan.notes.append(f"the yarns are taken to be {both}{cure}")
     return {
         "inextensible": False,
@@ -492,7 +492,7 @@ def _yarns_of_textile(plan: Plan, source: TextileSource, yarn: str | None) -> di
         tension, bending = material.fibre.yarn_modulus * mass, material.fibre.bending(mass)
         if yarn is None:
             plan.notes.append(
-                f"the yarns are taken to be {_MATERIAL} of {mass * 1e6:.4g} tex{_CURE}"
+                f"the yarns are taken to be {_MATERIAL} of {mass * 1e6:.4g} tex{YARN_CURE}"
             )
     return {"tension": _rounded(tension, "N"), "bending": _rounded(bending, "N.m2")}
 

@@ -16,7 +16,7 @@ from tomlkit.items import AoT, Array
 from spacemap_vtk.app.documents.draft_versions import DraftVersions
 from spacemap_vtk.app.documents.edit import Edit, History, Version
 from spacemap_vtk.app.widgets import single_shot
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
 from spacemap_vtk.io import registry
 from spacemap_vtk.io.output import atomic_file, atomic_files, check_output, write_parts
@@ -193,6 +193,12 @@ class Document(QObject):
     def display_name(self, file: Path) -> str:
         """Return the name to show for a file; without a folder if it lies in the scene's folder."""
         return file.name if file.parent == self._folder else self.drafts.replace_paths(file)
+
+    def describe_error(self, error: SpacemapError) -> str:
+        """Describe an error in the window's scene, which need not be in a file."""
+        if error.file is not None and not Path(error.file).exists():
+            error.file = None
+        return self.drafts.replace_paths(error)
 
     def propose_name(self, ending: str) -> str:
         """Propose a file name for this scene; in its folder, unless it is the program's own."""

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QMenu,
     QProgressBar,
     QPushButton,
+    QSizePolicy,
     QSlider,
     QSplitter,
     QTableWidgetItem,
@@ -51,9 +52,9 @@ _HEADINGS = ("constant", "value", "±", "unit")
 _MODULI = "moduli"
 #: Which voxels the view draws, by keys of `CellLook.voxels`.
 _VOXELS = {
-    "share": "Voxels from a share of yarn",
-    "yarn": "Voxels of one yarn",
-    "value": "Voxels from a value",
+    "share": "Voxels: share of yarn",
+    "yarn": "Voxels: one yarn",
+    "value": "Voxels: value",
     "none": "No voxels",
 }
 #: Steps of the threshold.
@@ -66,6 +67,7 @@ class _Result(NamedTuple):
     #: Values of the scene.
     key: Any
     outcome: tuple[Composite, UnitCellModel] | SpacemapError
+    warnings: tuple[str, ...] = ()
 
 
 def _compute(
@@ -78,7 +80,8 @@ def _compute(
 
         try:
             scene = Scene(values, base)
-            return _Result(key, (compute_constants(scene), unit_cell_model(scene, fields=True)))
+            made = compute_constants(scene), unit_cell_model(scene, fields=True)
+            return _Result(key, made, tuple(scene.warnings))
         except Cancelled:
             raise
         except SpacemapError as error:
@@ -118,6 +121,7 @@ class CompositeTab(QWidget):
             kind = "unit_cell" if ending in writer_endings("unit_cell") else "constants"
             menu.addAction(f"{label}…", partial(self.export_requested.emit, ending, kind))
         self.save_button.setMenu(menu)
+        self.save_button.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
         self.content = narrow(QComboBox(toolTip="What is shown"), 8)
         for key, label in {**CONTENTS, _MODULI: "Modulus over the direction"}.items():
             self.content.addItem(label, key)
@@ -226,7 +230,7 @@ class CompositeTab(QWidget):
         if not isinstance(result, _Result) or result.key is not self._requested:
             return  # the result belongs to another tab, or was cancelled
         if isinstance(result.outcome, SpacemapError):
-            self._finish(self._document.drafts.replace_paths(str(result.outcome)))
+            self._finish(self._document.describe_error(result.outcome))
             return
         from spacemap_vtk.scenes.composite import constant_rows
 
@@ -235,6 +239,7 @@ class CompositeTab(QWidget):
         self._finish(
             f"{' × '.join(map(str, found.voxels))} voxels; yarns {found.yarn_share:.0%}, fibres "
             f"{found.fibre_share:.0%} of the volume."
+            + "".join(f"\n⚠ {text}." for text in result.warnings)
         )
         lines = constant_rows(found)
         self.table.setRowCount(len(lines))

@@ -99,9 +99,8 @@ class Gallery(QWidget):
             buttons[-1].setAutoRaise(False)
             buttons[-1].setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self.presets = buttons
-        half = (len(buttons) + 1) // 2
-        self.layout().insertLayout(3, row(None, *buttons[:half]))
-        self.layout().insertLayout(4, row(None, *buttons[half:]))
+        for line in range(0, len(buttons), 2):  # three side by side would widen the tabs
+            self.layout().insertLayout(3 + line // 2, row(None, *buttons[line : line + 2]))
 
     def showEvent(self, event: QShowEvent) -> None:
         """Load the thumbnails when the tab is first shown."""

@@ -170,7 +170,7 @@ class MeasureTab(QWidget):
                 self._finish(_NO_STIFFNESS)
                 self.cotton_button.show()
                 return
-            self._finish(self._document.drafts.replace_paths(str(result.outcome)))
+            self._finish(self._document.describe_error(result.outcome))
             return
         self.result = result.outcome
         measurement = self.result.measurement

@@ -108,6 +108,9 @@ class Pipeline:
         solver, mover = scene.stage("solver"), scene.stage("mover")
         swing = request.swing if solver else None
         skipped = scene.motion_stages if swing else []
+        # The tab Composite fills the cell itself, around one repeat: the drawn piece of a knit or
+        # of a small weave has no whole one inside.
+        skipped = [*skipped, *(stage for stage in stages if stage.role == "unit_cell")]
         # A shown mode never comes to rest, a pull does.
         coarse = request.coarse or isinstance(swing, Swing)
         sheet, piece = self._choose_sheet(scene), WHOLE

@@ -30,7 +30,9 @@ def draw_moduli(panel: Any, composite: Composite, ink: Ink = LIGHT) -> None:
     panel.set_ylim(0, 1.12 * modulus.max() / 1e9)
     panel.set_rlabel_position(22.5)
     panel.set_title(
-        "Young's modulus in GPa over the direction; x is 0°, y 90°", fontsize=10, color=ink.text
+        "Young's modulus in GPa over the direction\nx is at 0°, y at 90°",
+        fontsize=10,
+        color=ink.text,
     )
     panel.set_facecolor(ink.paper)
     panel.grid(color=ink.grid, linewidth=0.8)
@@ -38,7 +40,7 @@ def draw_moduli(panel: Any, composite: Composite, ink: Ink = LIGHT) -> None:
     least = np.argmin(modulus[: len(modulus) // 2])
     note = (
         f"Ex {modulus[0] / 1e9:.3g}, Ey {modulus[len(modulus) // 4] / 1e9:.3g}, least "
-        f"{modulus[least] / 1e9:.3g} GPa at {np.degrees(angle[least]):.0f}°; fibres "
+        f"{modulus[least] / 1e9:.3g} GPa at {np.degrees(angle[least]):.0f}°\nfibres "
         f"{composite.fibre_share:.0%} of the volume"
     )
     panel.set_xlabel(note, fontsize=9, color=ink.faint, labelpad=14)
