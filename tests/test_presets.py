@@ -12,7 +12,9 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.modal_model import contact_of
 from spacemap_vtk.errors import InputError, SolverError
+from spacemap_vtk.filters.obstacle_surfaces import obstacle_surfaces
 from spacemap_vtk.io.formats.toml import parse_toml
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.presets import PRESETS, apply, make_plan, write_scene
@@ -187,6 +189,15 @@ def test_pleats_of_a_curtain_go_to_the_front_and_the_back_in_turn() -> None:
     assert np.count_nonzero(np.diff(signs)) >= 3
     span = np.ptp((points + moved)[top, 0]) / np.ptp(points[top, 0])
     assert span == pytest.approx(0.78, abs=0.03)
+    # The rail is just above the cloth, which does not touch it.
+    (contact,) = contact_of(scene.modal.output)
+    assert contact.points == 0
+    ((_, rail),) = obstacle_surfaces(scene.modal.output)
+    radius = np.ptp(rail.points[:, 2]) / 2
+    below = np.abs((points + moved)[:, 2]) < radius
+    gap = rail.points[:, 1].min() - (points + moved)[below, 1].max()
+    assert 0.0 <= gap < 1e-3
+    assert np.ptp(rail.points[:, 0]) > np.ptp(points[:, 0])
 
 
 @pytest.mark.parametrize("name", ["plain_weave", "double_weave", "leno"])
@@ -204,6 +215,7 @@ def test_what_is_no_cloth_is_refused_with_the_cure(capsys: pytest.CaptureFixture
         (["--drape", "--hang"], "cannot be combined with"),
         (["--yarn", "8/2 cotton"], "needs --hang, --drape, --drop or --swing"),
         (["--drape", "--cloth-size", "3 bananas"], "must be a size of cloth"),
+        (["--drape", "--cloth-size", "30"], "Write for example 30cm"),
         (["--drape", "--yarn", "8/2 hay"], "not the name of a yarn"),
     ):
         with pytest.raises(SystemExit) as left:

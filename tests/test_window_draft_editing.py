@@ -163,7 +163,8 @@ def test_reverse_floats_and_counts_are_shown(draft_of: Any, qtbot: Any, twill: P
         "7\tHeddles\tall shafts",
     ]
     assert rows[9] == "8\tWarp float, reverse\tend 3, picks 1–8"
-    assert "Warp: 0 face, 1 reverse, longest 8" in draft.counts_view.summary.text()
+    summary = draft.counts_view.summary.text()
+    assert "Warp floats over 3: 0 on the face, 1 on the reverse; longest 8" in summary
     draft.reverse_button.setChecked(False)
     draft.counts_view.table.selectRow(9)
     assert grid.selection == Selection("drawdown", (3, 3), (1, 8))

@@ -86,6 +86,7 @@ def test_the_plan_follows_fields_units_and_scene(open_scene: Any) -> None:
     type_text(window, "length", "-3 cm")
     assert plan.fields["length"].property("bad")
     assert "Length" in plan.hint.text()
+    assert ", in inches or with its unit" in plan.hint.text()  # as for a text without a unit
     assert "20" in copied_rows(window)["sett in the reed"]
     type_text(window, "length", "")
     assert not plan.fields["length"].property("bad")

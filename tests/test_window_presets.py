@@ -49,6 +49,19 @@ def test_a_preset_keeps_an_edited_draft() -> None:
     assert document.values["weave"]["warp_yarn"] == "20/2 silk"
 
 
+def test_the_button_hang_makes_a_curtain_of_a_still_cloth(open_window: Any) -> None:
+    window = open_window(str(TWILL))
+    assert "curtain" in window.tools.hang.toolTip()
+    window.tools.hang.trigger()
+    assert window.document.scene.modal.fixed
+    assert len(window.document.scene.modal.obstacles) == 1  # the rail
+    message = window.statusBar().currentMessage()
+    assert "cotton" in message
+    assert "--yarn" not in message
+    window.document.history.undo()
+    assert not window.document.scene.moves
+
+
 @pytest.mark.nightly
 def test_the_menu_hangs_the_cloth_in_the_view(open_window: Any) -> None:
     window = open_window("plain_weave")

@@ -489,6 +489,10 @@ class MainWindow(QMainWindow):
             self._try_change(self.document.set_many, "yarns", COTTON)
 
     def _set_hanging(self, on: bool) -> None:
+        scene = self.document.scene
+        if on and not scene.moves and scene.textile is not None:
+            self.apply_preset("hang")  # alone, gravity would move a cloth that is not held as one
+            return
         written = self._hanging_values if on else {"hang": False}
         self._try_change(partial(self.document.set_many, name="hang"), "modal", written)
 

@@ -269,6 +269,13 @@ class Motion:
             return None
         words = self.cloth_size.lower().split("x")
         unit = words[-1].lstrip("0123456789. ")
+        if words[-1] and not unit:
+            raise InputError(
+                "needs a unit",
+                key="--cloth-size",
+                value=self.cloth_size,
+                cure=f"Write for example {'x'.join(words)}cm.",
+            )
         with suppress(InputError):
             sides = tuple(
                 parse_quantity(word if word[-1:].isalpha() else word + unit, "m") for word in words

@@ -556,7 +556,7 @@ def yarn_tables(units: str) -> list[PlanTable]:
                 "tex",
                 length,
                 "d [mm]",
-                f"usual sett [{sett}]",
+                f"sett [{sett}]",
                 "package",
                 "EA [N]",
                 "B [mN mm²]",

@@ -66,6 +66,8 @@ _CLOSER = 0.22
 _PUSH = 0.01
 #: Stiffness of the springs that hold its rings, over the weight of a unit width [1/m].
 _PULL = 14.0
+#: Radius of its rail over the longer side of the cloth.
+_RAIL = 0.012
 #: Pressure of the draught that moves it, over its weight per area.
 _DRAUGHT = 0.08
 #: A textile whose side has fewer bending lengths lies on a table as a plate.
@@ -504,8 +506,9 @@ def _rounded(value: float, unit: str) -> str:
 
 def _lengths(*values: float) -> list[Any]:
     """Format lengths [m] as in a scene file."""
-    # With more digits than sizes, as supports must meet vertices of the cage.
-    return [format_quantity(value, "m", 6) if value else 0.0 for value in values]
+    # With more digits than sizes, as supports must meet vertices of the cage; the middle of a cloth
+    # is zero up to rounding.
+    return [format_quantity(value, "m", 6) if abs(value) > 1e-12 else 0.0 for value in values]
 
 
 def _length(value: float) -> str:
@@ -552,6 +555,18 @@ def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
             for x, force in loads
             for z in faces
         ]
+    # The rail shows what holds the cloth, which hangs just below and does not touch it.
+    radius, gap = _RAIL * max(width, height), 0.7 * sheet.thickness
+    middle = 0.5 * (sheet.low + sheet.high)
+    modal["obstacles"] = [
+        {
+            "shape": "cylinder",
+            "radius": _length(radius),
+            "height": _length(width + 8.0 * radius),
+            "axis": [1.0, 0.0, 0.0],
+            "center": _lengths(middle[0], sheet.high[1] + gap + radius, middle[2]),
+        }
+    ]
     values["modal"] = modal
     values["cage"] = {"divisions": cells}
     values["response"] = {

@@ -65,7 +65,10 @@ class DraftCounts(QWidget):
             reverse, front = (len(floats.longer_than(most).length) for floats in both)
             longest = max(floats.longest for floats in both)
             name = FAMILIES[family].capitalize()
-            sentences.append(f"{name}: {front} face, {reverse} reverse, longest {longest}")
+            sentences.append(
+                f"{name} floats over {most}: {front} on the face, {reverse} on the reverse; "
+                f"longest {longest}"
+            )
         self.table.blockSignals(True)
         self.table.clearSelection()
         self.table.setRowCount(len(rows))

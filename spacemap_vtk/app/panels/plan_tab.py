@@ -44,6 +44,8 @@ _USUAL_UNITS = {
     "metric": {"m": "cm", "1/m": "/cm", "": "%"},
     "imperial": {"m": "in", "1/m": "epi", "": "%"},
 }
+#: Names of units that would be read as other words.
+_NAMES = {"in": "inches"}
 #: The unit of a reed typed without one.
 _REED_UNITS = {"metric": "/10cm", "imperial": "dpi"}
 #: Groups of fields that are folded at first.
@@ -191,7 +193,12 @@ class PlanTab(QWidget):
                 self.settings.configure(**{name: parameter.default})
         except InputError as error:
             mark_bad(line, True)
-            self.hint.setText(f"{parameter.label}: {error.message}. Allowed: {error.allowed}.")
+            allowed = str(error.allowed)
+            if unit := _USUAL_UNITS[self.settings.units].get(parameter.unit):
+                # Unlike in a scene, a number without a unit is in that of the trade.
+                name = _NAMES.get(unit, unit)
+                allowed = allowed.replace(f", in {parameter.unit} or", f", in {name} or")
+            self.hint.setText(f"{parameter.label}: {error.message}. Allowed: {allowed}.")
             return
         if mark_bad(line, False) or written != text:
             line.setText("" if text == AUTOMATIC else written)

@@ -12,10 +12,13 @@ from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_keys import ViewKeys
 from spacemap_vtk.app.widgets import action, narrow, row
 from spacemap_vtk.scenes.colorings import COLORINGS, GROUPS
+from spacemap_vtk.scenes.presets import PRESETS
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import BACKGROUNDS
 from spacemap_vtk.scenes.styles import LIGHTS, STYLES
 
+#: Help of the button *Hang* for a scene that moves.
+_HANG = "Start the motion from the equilibrium under gravity and dead loads (H)"
 #: Parts that can be shown: name, label, key, and role of the stage that has an eye for it in the
 #: list of stages.
 _PARTS = (
@@ -94,8 +97,7 @@ class ViewBar(QToolBar):
                 if role:
                     self.eye_actions[role] = shown
             self.part_actions[name] = shown
-        tip = "Start the motion from the equilibrium under gravity and dead loads (H)"
-        self.hang = action(self, "Hang", self.hang_toggled, "H", tip, checkable=True)
+        self.hang = action(self, "Hang", self.hang_toggled, "H", _HANG, checkable=True)
         self.addAction(self.hang)
         #: Only in the menu, as the bar has no room.
         self.drop = action(self, "Drop", lambda _: self.drop_asked.emit(), "Shift+H")
@@ -258,6 +260,8 @@ class ViewBar(QToolBar):
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.is_hung)
         self.hang.setEnabled(solved or not scene.moves)
+        still = not scene.moves and scene.textile is not None
+        self.hang.setToolTip(f"{PRESETS['hang'].help[:-1]} (H)" if still else _HANG)
         can_drop = solved and bool(scene.modal.obstacles)
         self.drop.setEnabled(can_drop)
         self.drop.setToolTip(
