@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from spacemap_vtk.cli.options import (
@@ -231,11 +232,16 @@ def _print(found: Composite) -> None:
             fine_part, rough_part = (
                 getattr(one, name) / scale for one in (found.plate, found.coarse_plate)
             )
-            _print_matrix(title, ("xx", "yy", "xy"), fine_part, rough_part)
+            # B of a symmetric cell is rounding; what matters is its size beside A and D.
+            plate = found.plate
+            beside = abs(plate.membrane).max() * abs(plate.bending).max()
+            least = float(np.sqrt(beside)) if name == "coupling" else 0.0
+            _print_matrix(title, ("xx", "yy", "xy"), fine_part, rough_part, least)
 
 
-def _print_matrix(title: str, names: Any, fine: Floats, coarse: Floats) -> None:
-    largest = abs(fine).max()
+def _print_matrix(title: str, names: Any, fine: Floats, coarse: Floats, least: float = 0.0) -> None:
+    """Print a matrix; entries far below the largest, or a given size, are 0."""
+    largest = max(abs(fine).max(), least)
     error = abs(fine - coarse).max()
     table = number_table(("", *names), words=1, title=f"\n{title} (± {error:.1g})")
     for name, row in zip(names, fine, strict=True):

@@ -32,7 +32,10 @@ if TYPE_CHECKING:
     from spacemap_vtk.scenes.laboratory import TestResult
 
 _TESTS = "\n".join(
-    f"    {test.name:<12}{test.title}, {test.instrument}: prints {test.prints}" for test in TESTS
+    f"    {test.name:<12}{test.title}"
+    + f", {test.instrument}" * (test.instrument.lower() != test.title.lower())
+    + f": prints {test.prints}"
+    for test in TESTS
 )
 #: Steps of the progress bar.
 _STEPS = 100

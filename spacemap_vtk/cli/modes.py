@@ -85,8 +85,11 @@ def modes(
         print_json(figures)
         return
     touches = bool(figures["contact"])
+    # A table with contact would be too wide; a column of one word says nothing.
+    regimes = {mode["regime"] for mode in figures["modes"]}
+    has_regimes = not touches and regimes != {"underdamped"}
     table = number_table(
-        ("mode", "f [Hz]", "damping", *["regime"] * (not touches), "x", "Σx", "y", "Σy", "z", "Σz")
+        ("mode", "f [Hz]", "damping", *["regime"] * has_regimes, "x", "Σx", "y", "Σy", "z", "Σz")
         + ("opens",) * touches,
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
@@ -108,7 +111,7 @@ def modes(
             str(number),
             frequency,
             "–" if not math.isfinite(ratio) else f"{ratio:.3g}",
-            *[mode["regime"]] * (not touches),  # a table with contact would be too wide
+            *[mode["regime"]] * has_regimes,
             *(f"{100 * share:.1f}" for pair in shares for share in pair),
             *[_format_opening(mode["opening_amplitude"])] * touches,
         )

@@ -83,7 +83,7 @@ TESTS = (
     LaboratoryTest(
         "bias",
         "Bias extension",
-        "FAST-3, bias extension",
+        "FAST-3",
         "10 cm x 5 cm between clamps, cut at 45°, pulled by 14 %.",
         "EB5, G, γ",
     ),
