@@ -50,6 +50,8 @@ html_title = "spacemap_vtk"
 html_copy_source = False
 html_show_sourcelink = False
 html_static_path = ["style"]
+# The film of the first page, and its first picture.
+html_extra_path = ["film.mp4", "film.jpg"]
 html_css_files = ["site.css"]
 html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#1f5f8b", "color-brand-content": "#1f5f8b"},

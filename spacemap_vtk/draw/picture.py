@@ -198,6 +198,8 @@ class Picture:
         if self.sheet is None or self.pieces is not None:
             self._underlay = ClothUnderlay.make_if_needed(scene, self.sheet)
         self._cut = cut_of(scene.view, scene.patches if self.sheet is None else self.sheet.moved)
+        #: The frame that was drawn last.
+        self._frame: Frame | None = None
 
     def _find_lens(self, points: Floats) -> bool:
         """Return whether the camera has a lens; warn if it cannot have the one of the scene."""
@@ -257,6 +259,22 @@ class Picture:
         if self._underlay is not None:
             cage = self.scene.deformed_cage if self.scene.moves else None
             frame = replace(frame, underlay=self._underlay.in_cage(cage))
+        self._frame = frame
+        return self._draw_frame(frame)
+
+    def draw_from(self, viewpoint: Viewpoint) -> Image:
+        """Return the picture at the time that was drawn last, from another viewpoint.
+
+        Nothing is computed again: facets remain those of the picture's own viewpoint.
+        """
+        assert self._frame is not None  # `draw` comes first
+        for panel in self.panels:
+            viewpoint.apply_to(panel.window.camera)
+        return self._draw_frame(self._frame)
+
+    def _draw_frame(self, frame: Frame) -> Image:
+        """Draw a frame in all panels, with the present cameras."""
+        view = self.scene.view
         drawn = [self._draw_panel(panel, frame) for panel in self.panels]
         if view.insets and not self._for_page:
             drawn[-1] = self._add_insets(drawn[-1], frame)
