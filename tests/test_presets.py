@@ -208,6 +208,12 @@ def test_other_textiles_have_presets(name: str) -> None:
     assert figures[2] == pytest.approx(-9.80665)
 
 
+@pytest.mark.parametrize("size", [-0.1, (0.1, 0.0), (0.1, 0.1, 0.1), ("10 cm", "10 cm"), math.nan])
+def test_what_is_no_size_is_refused(size: Any) -> None:
+    with pytest.raises(InputError, match="must be a size of cloth"):
+        apply("plain_weave", "drape", size=size)
+
+
 def test_what_is_no_cloth_is_refused_with_the_cure(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(InputError, match="only a textile"):
         apply(Scene({"object": {"file": "x.ply"}}), "drape")

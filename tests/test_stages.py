@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,7 +15,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkFiltersSources import vtkSphereSource
 
 import spacemap_vtk
-from spacemap_vtk import connect
+from spacemap_vtk import CrimpInterchange, ModalSolver, TetraCage, WeaveSource, connect
 from spacemap_vtk.app.plots.curves import CurveRequest, compute_curves
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.datasets.arrays import add_array, points_of, tetrahedra_of, to_points
@@ -324,6 +326,35 @@ def test_sections_choose_the_stages_of_a_scene() -> None:
     still.set("object.file=model.ply")
     assert still.source is still.object
     assert "yarn" not in still.arrays
+
+
+@pytest.mark.parametrize(
+    "make", [copy.copy, copy.deepcopy, lambda s: pickle.loads(pickle.dumps(s))]
+)
+def test_copies_of_a_stage_have_its_parameters_and_no_connections(make: Any) -> None:
+    ball = {"shape": "sphere", "radius": "2 mm", "center": (0, 0, "-9 mm")}
+    solver = ModalSolver(
+        elements="sheet", material="yarns", obstacles=[ball], fixed=["-x", "+y:z"], modes=3
+    )
+    solver.yarns = CrimpInterchange(inextensible=False, tension=90.0, bending=2e-9, flattest=1.0)
+    connect(WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 2, 1)), solver)
+    copied = make(solver)
+    assert copied.settings == solver.settings
+    assert copied.yarns.settings == solver.yarns.settings
+    assert [s.GetNumberOfInputConnections(0) for s in (solver, copied)] == [1, 0]
+    connect(WeaveSource(ends=3, picks=3), TetraCage(divisions=(2, 2, 1)), copied)
+    frequencies = [pv.wrap(s.update().output)["frequencies"] for s in (solver, copied)]
+    np.testing.assert_array_equal(*frequencies)
+
+
+def test_stages_are_shown_with_their_parameters() -> None:
+    shown = repr(TetraCage(divisions=(2, 2, 1), order=2))
+    assert eval(shown).settings == TetraCage(divisions=(2, 2, 1), order=2).settings
+
+
+def test_yarns_of_a_solver_must_be_a_stiffness() -> None:
+    with pytest.raises(InputError, match="a float is not the stiffness of yarns"):
+        ModalSolver().yarns = 90.0  # type: ignore[assignment]
 
 
 def test_yarn_stiffness_is_shared_with_the_solver() -> None:

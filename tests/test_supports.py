@@ -17,6 +17,7 @@ from spacemap_vtk.mechanics.boundary.supports import (
     held_directions,
     loose_sides,
     rigid_bodies,
+    rigid_motions,
 )
 
 POINTS = build_lattice((0, 1, 0, 2, 0, 3), (2, 2, 2))[0]
@@ -276,3 +277,11 @@ def test_side_that_lets_the_cage_turn_is_reported():
         assert not [text for text in solver.update().warnings if "side" in text]
         # What slides is meant to.
         assert loose_sides(places, ["-x:x"]) == loose_sides(places, []) == []
+
+
+def test_half_thicknesses_without_positions_only_turn() -> None:
+    thick = np.array([[0.0, 0.0, 1e-3], [0.0, 0.0, 2e-3], [1e-3, 0.0, 0.0]])
+    motions = rigid_motions(thick, np.zeros(3, dtype=bool))
+    assert not motions[:, :3].any()
+    turned = np.cross(np.eye(3), thick[0]).T / 2e-3  # rotations are divided by the largest length
+    np.testing.assert_allclose(motions[:3, 3:], turned)

@@ -172,7 +172,9 @@ def vectors_of(data: vtkFieldData, name: str, count: int, owner: str) -> Floats:
     return values
 
 
-def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> AnyInts:
+def cells_of(
+    grid: vtkUnstructuredGrid, cell_type: int, name: str, cure: str | None = None
+) -> AnyInts:
     """Return a view of the connectivity of a grid whose cells are all of one type and size."""
     if grid.GetNumberOfCells() == 0:
         raise GeometryError(f"the input has no cells, but must have {name}")
@@ -181,6 +183,7 @@ def cells_of(grid: vtkUnstructuredGrid, cell_type: int, name: str) -> AnyInts:
         raise GeometryError(
             f"the input has cells of VTK's types {others}",
             allowed=f"{name} (type {cell_type}) only",
+            cure=cure,
         )
     cells = grid.GetCells()
     size = cells.GetMaxCellSize()
@@ -200,7 +203,9 @@ def elements_of(grid: vtkUnstructuredGrid) -> Ints:
     if cell_types(grid) == [VTK_QUADRATIC_TETRA]:
         cells = cells_of(grid, VTK_QUADRATIC_TETRA, "quadratic tetrahedra")
     else:
-        cells = cells_of(grid, VTK_TETRA, "linear tetrahedra")
+        cells = cells_of(
+            grid, VTK_TETRA, "linear tetrahedra", "A TetraCage makes them around any object."
+        )
     return cells.astype(np.int64, copy=False)
 
 

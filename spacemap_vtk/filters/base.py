@@ -124,6 +124,16 @@ class Stage(Algorithm):
             output.SetDataSet(place, made)
             place.GoToNextItem()
 
+    def __repr__(self) -> str:
+        given = [
+            f"{name}={self._values[name]!r}" for name in self.parameters if name in self._values
+        ]
+        return f"{type(self).__name__}({', '.join(given)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle the parameters; the copy is not connected."""
+        return _make_stage, (type(self), dict(self._values))
+
     @property
     def arrays(self) -> dict[str, ProvidedArray]:
         """The arrays that the next run adds, by name."""
@@ -285,6 +295,10 @@ class Stage(Algorithm):
         seen: list[vtkAlgorithm] = []
         _collect_upstream(self, seen, ())
         yield from reversed(seen)
+
+
+def _make_stage(kind: type[Stage], values: Mapping[str, Any]) -> Stage:
+    return kind(**values)
 
 
 def _collect_upstream(

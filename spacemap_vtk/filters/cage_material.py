@@ -354,8 +354,9 @@ class CageMaterial(Parameterised):
                 "the stiffness of the yarns is not given",
                 key="material",
                 value=WOVEN,
-                cure="Add a section [yarns] with tension and bending; in ParaView enter the "
-                'values that "spacemap info" prints for a scene with this section.',
+                cure="Add a section [yarns] with tension and bending; in Python set the solver's "
+                "yarns to a CrimpInterchange with both; in ParaView enter the values that "
+                '"spacemap info" prints for a scene with this section.',
             )
         if cloth is None:
             raise InputError(

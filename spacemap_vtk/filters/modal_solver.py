@@ -130,10 +130,11 @@ class ModalSolver(LawParameters, CageFittings, Stage):
     ``rigid_body`` numbers the rigid bodies from 1; ``spring_stiffness`` (N/m) and ``point_mass``
     (kg) are those of springs and masses; ``nodal_mass`` (kg) contains the row sums of M. Cell
     arrays: ``stiffness_factor`` and ``density_factor``. The field array ``eigenvalue_rounding``
-    estimates the share of each eigenvalue that is rounding. For a sheet its constants are field
-    arrays, too, named as the parameters (``bending_length`` …), in SI, with the value of the warp
-    first. If a cage has a field array ``filled``, as TetraCage makes it around an object's surface,
-    modulus and density are multiplied by it, so that the cage weighs as much as its content.
+    estimates the share of each eigenvalue that is rounding; ``frequencies`` are in Hz, and the
+    point arrays ``mode_000`` … are the shapes. For a sheet its constants are field arrays, too,
+    named as the parameters (``bending_length`` …), in SI, with the value of the warp first. If a
+    cage has a field array ``filled``, as TetraCage makes it around an object's surface, modulus
+    and density are multiplied by it, so that the cage weighs as much as its content.
 
     Examples
     --------
@@ -248,6 +249,10 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         super().__init__(**values)
         self.terms = terms
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The second of a pair is set attribute by attribute.
+        return *super().__reduce__(), (None, {"terms": self.terms, "yarns": self.yarns})
+
     @property
     def terms(self) -> Sequence[Mapping[str, Any]]:
         """Further terms of the cage's energy: for each, its kind and the arguments of its maker.
@@ -279,6 +284,15 @@ class ModalSolver(LawParameters, CageFittings, Stage):
 
     @yarns.setter
     def yarns(self, value: YarnParameters | YarnMechanics | StatedYarns | None) -> None:
+        if value is not None and not isinstance(
+            value, (YarnParameters, YarnMechanics, StatedYarns)
+        ):
+            raise InputError(
+                f"a {type(value).__name__} is not the stiffness of yarns",
+                key="yarns",
+                allowed="a CrimpInterchange, YarnParameters, YarnMechanics, the property "
+                "mechanics of a TextileSource, or None",
+            )
         followed = self._followed and self._followed()
         self._followed = weakref.ref(value) if isinstance(value, Stage) else None
         if isinstance(value, Stage) and value is not followed:

@@ -223,7 +223,7 @@ def file_figures(made: FileYarns, density: float) -> list[FabricFigure]:
             ),
             *found,
             FabricFigure(
-                "areal_mass", "mass per area", density * float(lengths @ sections) / area, "kg/m2"
+                "areal_mass", "areal mass", density * float(lengths @ sections) / area, "kg/m2"
             ),
         ]
     return found

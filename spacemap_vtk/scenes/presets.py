@@ -233,7 +233,7 @@ def make_plan(
         view.pop(key, None)
     plan = Plan(values)
     prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
-    sides = tuple(np.broadcast_to(size, 2).tolist()) if size is not None else None
+    sides = _sides(size) if size is not None else None
     sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
     title = split_title(scene.title)[0] or "Cloth"
     values["title"] = f"{title}: {PRESETS[preset].label.lower()}"
@@ -294,6 +294,22 @@ def format_preset(values: Mapping[str, Any]) -> str:
     """
     title = str(values.get("title", "cloth"))
     return format_scene(values, f"{title}. All lengths follow from the bending length.", _REMARKS)
+
+
+def _sides(size: Any) -> tuple[float, ...]:
+    """Return the two sides of a cloth [m], of one or two numbers."""
+    try:
+        sides = np.broadcast_to(np.asarray(size, np.float64), 2)
+    except (TypeError, ValueError):
+        sides = np.zeros(2)
+    if not (np.isfinite(sides) & (sides > 0.0)).all():
+        raise InputError(
+            "must be a size of cloth",
+            key="size",
+            value=size,
+            allowed="one or two numbers greater than 0, in m",
+        )
+    return tuple(sides.tolist())
 
 
 def _prepare_weave(

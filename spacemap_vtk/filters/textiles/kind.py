@@ -302,7 +302,7 @@ class TextileKind(Parameterised):
         if area:
             mass = float(masses @ lengths) * unit / area
             found.append(FabricFigure("cover", "cover", cover(rest.yarns, rest.cell)))
-            found.append(FabricFigure("areal_mass", "mass per area", mass, "kg/m2"))
+            found.append(FabricFigure("areal_mass", "areal mass", mass, "kg/m2"))
         found.append(
             FabricFigure(
                 "largest_overlap",

@@ -289,7 +289,10 @@ def largest_arm(points: Floats, places: Bools) -> float:
 
 
 def _arms(points: Floats, places: Bools) -> Floats:
-    return points - np.where(places[:, None], points[places].mean(axis=0), 0.0)
+    middle = (
+        points[places].mean(axis=0) if places.any() else 0.0
+    )  # half thicknesses alone have none
+    return points - np.where(places[:, None], middle, 0.0)
 
 
 def small_rotations(vectors: Floats) -> Floats:
