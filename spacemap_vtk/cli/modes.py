@@ -94,6 +94,7 @@ def modes(
         title=f"{chosen.title}\n{figures['vertices']} vertices, {figures['tetrahedra']} "
         f"tetrahedra, {figures['dof']} degrees of freedom",
         caption="x, y, z: effective mass in % of the mass that can move; Σ: cumulative"
+        + "\nall modes are underdamped" * (regimes == {"underdamped"})
         + "\nopens: largest displacement at which contact with an obstacle opens" * touches,
         min_width=72,  # width of the caption
     )
