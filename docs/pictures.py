@@ -68,6 +68,7 @@ TEXTILES: dict[str, tuple[str, dict[str, str]]] = {
         {"textile.wales": "48", "textile.courses": "44", **ALONG},
     ),
     "jacquard": ("jacquard", {"textile.wales": "30", "textile.courses": "36", **ALONG}),
+    "cable": ("cable", {"textile.wales": "24", "textile.courses": "24", **ALONG}),
     "plait": ("three_strand_plait", ALONG),
     "tubular_braid": ("tubular_braid", {"textile.repeats_along": "16", **ALONG}),
     "orthogonal_weave": ("orthogonal_weave", {"view.zoom": "1.2"}),
