@@ -32,6 +32,7 @@ from spacemap_vtk.mechanics.equilibrium.energy_terms import (
     sum_at_nodes,
 )
 from spacemap_vtk.ndarrays import Bools, Floats, Ints
+from spacemap_vtk.parallel import blocks
 
 #: Axes of the strain components xx, yy, zz, yz, zx, xy.
 _AXES = ((0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1))
@@ -44,6 +45,9 @@ _EQUAL = 1e-12
 
 #: Largest rotation in a Newton step [rad].
 MAX_ROTATION = 0.5
+
+#: Number of elements whose matrices stay in the processor's cache between two passes.
+_CACHED = 128
 
 #: Smallest rotation that is not zero; it avoids a division by zero.
 _MIN_ROTATION = float(np.finfo(np.float64).tiny)
@@ -105,8 +109,18 @@ class Strains(EnergyTerm):
     def spins(self, move: Floats) -> Floats:
         """Compute b z, the change of G with a move z (V, 3), (E, Q, s, n, 3)."""
         elements, nodes = self.nodes.shape
-        found = self.forms.reshape(len(self.forms), -1, nodes) @ move[self.nodes]
+        if len(self.forms) == 1:
+            found = move[self.nodes].reshape(elements, -1) @ self._wide_forms
+        else:
+            found = self.forms.reshape(elements, -1, nodes) @ move[self.nodes]
         return found.reshape(elements, *self.forms.shape[1:4], 3)
+
+    @cached_property
+    def _wide_forms(self) -> Floats:
+        """Equal forms of all elements as one matrix b ⊗ I, (3 n, Q s n 3)."""
+        # One product of large matrices takes less time than a small one for each element.
+        forms = self.forms.reshape(-1, self.nodes.shape[1])
+        return np.ascontiguousarray(np.kron(forms, np.eye(3)).T)
 
     def energy(self, positions: Floats) -> float:
         """Compute W [J]."""
@@ -171,19 +185,23 @@ class Strains(EnergyTerm):
         """Compute the largest multiple of a move (V, 3) that turns no element too far."""
         # The estimate is of first order and counts a stretch as a rotation: a line whose end moves
         # across it by θ of its length has a strain of θ²/2.
-        squares = np.where(self._can_stabilise, self.second_order_strains(move)[0], 0.0)
-        return MAX_ROTATION / max(_MIN_ROTATION, float(np.sqrt(2 * squares.max(initial=0.0))))
+        z = move[self.nodes]
+        forms = self._stabilising_forms
+        squares = (z @ z.swapaxes(1, 2)).reshape(len(forms), -1, forms.shape[1]) @ forms
+        return MAX_ROTATION / max(_MIN_ROTATION, float(np.sqrt(squares.max(initial=0.0))))
 
     def tangent_with_stress(self, stress: Floats, gradients: Floats, changes: Floats) -> Floats:
         """Compute Gᵀ ∂σ/∂z + Σ σ b ⊗ I of each element, with any stresses (E, Q, s)."""
         # `changes` is ∂σ/∂z, (E, Q, s, n, 3); the stress may change by other strains than G Δz.
         elements, _, _, nodes, _ = gradients.shape
         flat = gradients.reshape(elements, -1, 3 * nodes)
-        result = flat.swapaxes(1, 2) @ changes.reshape(flat.shape)
-        pull = self._sum_forms(stress)
-        blocks = result.reshape(elements, nodes, 3, nodes, 3)
-        for axis in range(3):
-            blocks[:, :, axis, :, axis] += pull
+        changes, pull = changes.reshape(flat.shape), self._sum_forms(stress)
+        result = np.empty((elements, 3 * nodes, 3 * nodes))
+        by_axes = result.reshape(elements, nodes, 3, nodes, 3)
+        for part in blocks(elements, _CACHED):
+            np.matmul(flat[part].swapaxes(1, 2), changes[part], out=result[part])
+            for axis in range(3):
+                by_axes[part, :, axis, :, axis] += pull[part]
         return result
 
     def stiffness_products(self, positions: Floats, fields: Floats) -> Floats:
@@ -214,12 +232,18 @@ class Strains(EnergyTerm):
     def _sum_forms(self, stress: Floats) -> Floats:
         """Compute Σ_s σ_s b_s of each element, (E, n, n)."""
         elements, nodes = self.nodes.shape
-        if len(self.forms) == 1:
-            found = stress.reshape(elements, -1) @ self.forms.reshape(-1, nodes * nodes)
-        else:
-            forms = self.forms.reshape(elements, -1, nodes * nodes)
-            found = stress.reshape(elements, 1, -1) @ forms
+        kinds, points, count = self.forms.shape[:3]
+        forms = self.forms.reshape(kinds, points * count, nodes * nodes)
+        found = stress.reshape(kinds, -1, points * count) @ forms
         return found.reshape(elements, nodes, nodes)
+
+    @cached_property
+    def _stabilising_forms(self) -> Floats:
+        """Forms of the strains that can stabilise, (E, n², m), zero in other elements."""
+        can = self._can_stabilise
+        forms = np.where(can[..., None, None], self.forms, 0.0)[:, can.any(axis=0)]
+        flat = forms.reshape(*forms.shape[:2], self.nodes.shape[1] ** 2)
+        return np.ascontiguousarray(flat.swapaxes(1, 2))
 
     @cached_property
     def _can_stabilise(self) -> Bools:

@@ -73,8 +73,15 @@ class ReducedSystem:
         ends = np.cumsum([size, *(len(part) for part in parts)])
         # SciPy's own index type: with another one, each matrix would convert these arrays.
         kind = np.int32 if len(keys) < 2**31 else np.int64
-        #: Position of each diagonal entry in a matrix, and of the entries of each term.
-        self._diagonal, *self._slots = np.split(slots.ravel().astype(kind), ends[:-1])
+        #: Position of each diagonal entry in a matrix.
+        self._diagonal, *places = np.split(slots.ravel().astype(kind), ends[:-1])
+        #: Matrices that sum the entries of each term's element matrices.
+        self._sums = []
+        for term, place, (entries, weights, _) in zip(
+            self.terms, places, self._entries, strict=True
+        ):
+            count = term.nodes.size * 9 * term.nodes.shape[1]
+            self._sums.append(sp.coo_matrix((weights, (place, entries)), (len(keys), count)))
         self._columns = (keys % size).astype(kind)
         self._starts = np.searchsorted(keys, np.arange(size + 1) * size).astype(kind)
         for name in ("analysis", "_square_pattern"):
@@ -113,14 +120,10 @@ class ReducedSystem:
 
     def assemble(self, blocks: Sequence[Floats]) -> sp.csr_matrix:
         """Assemble Tᵀ M T from matrices (E, 3 n, 3 n) of each term."""
-        total, loops = np.zeros(len(self._columns)), self._work.count(0)
-        for block, slots, (entries, weights, _) in zip(
-            blocks, self._slots, self._entries, strict=True
-        ):
-            if loops is not None:
-                loops.sum_entries(block.ravel(), entries, weights, slots, total)
-            elif len(slots):
-                total += np.bincount(slots, block.ravel()[entries] * weights, len(total))
+        total = np.zeros(len(self._columns))
+        for block, sums in zip(blocks, self._sums, strict=True):
+            if sums.nnz:
+                total += sums @ block.ravel()
         return self._csr(total)
 
     def evaluate(self, z: Floats) -> list[TermState]:

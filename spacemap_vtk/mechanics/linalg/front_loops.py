@@ -94,10 +94,3 @@ def add_square(
             right[column, at[i]] += update[k, i]
         for i in range(cut, count):
             rest[column, at[i]] += update[k, i]
-
-
-@compile_function
-def sum_entries(values: Floats, entries: Ints, weights: Floats, slots: Ints, total: Floats) -> None:
-    """Add weighted entries to the slots of a sum."""
-    for k in range(len(entries)):
-        total[slots[k]] += weights[k] * values[entries[k]]

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import ModuleType
 
 import numpy as np
@@ -24,7 +25,7 @@ from spacemap_vtk.parallel import load_loops
 
 #: Number of entries of factors, over all factorisations, from which compiled loops save more time
 #: than their compiler takes to load.
-MANY_ENTRIES = 120_000_000
+MANY_ENTRIES = 60_000_000
 
 #: A subtree of at most this many vertices is one front: a dense block is faster than many small
 #: ones.
@@ -73,10 +74,14 @@ class Analysis:
         self.children = [f.children for f in found]
         #: Patterns that were ordered last, and the positions of their entries in that order.
         self._ordered: dict[bool, tuple[Ints, Ints, sp.csc_matrix]] = {}
+        #: Pattern of the lower triangle that was assembled last, and the places of its entries.
+        self._places: tuple[sp.csc_matrix, Ints] | None = None
+        #: Whether factors fitted into memory before; checking the free memory takes milliseconds.
+        self.fits_in_memory = False
         #: Factorisations so far; a repeated analysis counts together with this one.
         self.past_work = work or Work()
 
-    @property
+    @cached_property
     def entries(self) -> int:
         """Number of entries of the factors."""
         return sum(
@@ -84,7 +89,7 @@ class Analysis:
             for (first, last), border in zip(self.runs, self.borders, strict=True)
         )
 
-    @property
+    @cached_property
     def work(self) -> Floats:
         """Multiplications up to the end of each front, as a share of the total."""
         sizes = [(b - a, len(c)) for (a, b), c in zip(self.runs, self.borders, strict=True)]
@@ -115,11 +120,13 @@ class Analysis:
     def repeat(self, count: int) -> Analysis:
         """Replace each row by `count` neighbours, whose numbers lie a whole matrix apart."""
         made = copy(self)
+        for name in ("entries", "work", "_parent_places"):
+            made.__dict__.pop(name, None)
         rows = np.arange(count)
         made.order = (self.order[:, None] + rows * len(self.order)).ravel()
         made.runs = [(count * first, count * last) for first, last in self.runs]
         made.borders = [(count * border[:, None] + rows).ravel() for border in self.borders]
-        made._ordered = {}
+        made._ordered, made._places, made.fits_in_memory = {}, None, False
         return made
 
     def assemble_fronts(
@@ -128,44 +135,55 @@ class Analysis:
         """Yield each front of a symmetric matrix, with the updates of its children added."""
         # Only the lower triangles of blocks are filled.
         lower = self.reorder(matrix, lower=True)
-        columns = lower.indptr, lower.indices, lower.data
-        loops, place = self.past_work.count(self.entries), np.empty(matrix.shape[0], np.int64)
+        places, starts, values = self._find_places(), lower.indptr.tolist(), lower.data
+        loops = self.past_work.count(self.entries)
+        add = _add_triangle if loops is None else loops.add_triangle
         for number, ((first, last), border) in enumerate(zip(self.runs, self.borders, strict=True)):
             wide, high = last - first, len(border)
-            pivot = np.zeros((wide, wide), order="F")
-            side = np.zeros((high, wide), order="F")
+            block, part = np.zeros(wide * (wide + high)), slice(starts[first], starts[last])
+            block[places[part]] = values[part]
+            pivot = block[: wide * wide].reshape(wide, wide, order="F")
+            side = block[wide * wide :].reshape(high, wide, order="F")
             rest = np.zeros((high, high), order="F")
-            place[first:last] = np.arange(wide)
-            place[border] = np.arange(high)
-            fill = _fill_columns if loops is None else loops.fill_columns
-            fill(*columns, first, last, place, pivot.T, side.T)
             for child in self.children[number]:
                 update, left[child] = left[child], None
-                where = self.borders[child]
                 assert update is not None
-                add = _add_triangle if loops is None else loops.add_triangle
-                cut = int(np.searchsorted(where, last))
-                add(update.T, place[where], cut, pivot.T, side.T, rest.T)
+                at, cut = self._parent_places[child]
+                add(update.T, at, cut, pivot.T, side.T, rest.T)
             yield number, pivot, side, rest
 
+    def _find_places(self) -> Ints:
+        """Find where each entry of the lower triangle lies in its front: pivots, then the side."""
+        lower = self._ordered[True][2]
+        if self._places is None or self._places[0] is not lower:
+            first, last = np.array(self.runs).T
+            wide, high = last - first, np.array([len(border) for border in self.borders])
+            column = np.repeat(np.arange(lower.shape[0]), np.diff(lower.indptr))
+            front = np.repeat(np.arange(len(wide)), lower.indptr[last] - lower.indptr[first])
+            # Row of an entry in its border, by its place among the borders of all fronts.
+            fronts = np.repeat(np.arange(len(high)), high)
+            keys = fronts * lower.shape[0] + np.concatenate(self.borders)
+            row = np.searchsorted(keys, front * lower.shape[0] + lower.indices)
+            row -= (np.cumsum(high) - high)[front]
+            column -= first[front]
+            inside = lower.indices < last[front]
+            pivots = column * wide[front] + lower.indices - first[front]
+            below = wide[front] ** 2 + column * high[front] + row
+            self._places = lower, np.where(inside, pivots, below)
+        return self._places[1]
 
-def _fill_columns(
-    starts: Ints,
-    rows: Ints,
-    values: Floats,
-    first: int,
-    last: int,
-    place: Ints,
-    pivot: Floats,
-    side: Floats,
-) -> None:
-    """Do what `front_loops.fill_columns` does."""
-    part = slice(starts[first], starts[last])
-    row, value = rows[part], values[part]
-    column = np.repeat(np.arange(last - first), np.diff(starts[first : last + 1]))
-    inner = row < last
-    pivot[column[inner], place[row[inner]]] = value[inner]
-    side[column[~inner], place[row[~inner]]] = value[~inner]
+    @cached_property
+    def _parent_places(self) -> list[tuple[Ints, int]]:
+        """Places of each front's border in its parent's run, up to a number, or in its border."""
+        found = [(border, 0) for border in self.borders]
+        for (first, last), border, children in zip(
+            self.runs, self.borders, self.children, strict=True
+        ):
+            for child in children:
+                cut = int(np.searchsorted(self.borders[child], last))
+                inner, outer = np.split(self.borders[child], [cut])
+                found[child] = np.append(inner - first, np.searchsorted(border, outer)), cut
+        return found
 
 
 def _add_triangle(
