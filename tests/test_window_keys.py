@@ -251,3 +251,5 @@ def test_help_lists_every_key_of_the_view(open_scene: Any) -> None:
     assert keys["V"] == keys["R"] == "Camera"
     assert keys["Ctrl+Z"] == "Edit"
     assert keys["Wheel"] == "Mouse in the view"
+    # Keys that few keyboards have are left out.
+    assert ("Ctrl+C", "Copy") in groups["Draft"]

@@ -25,6 +25,8 @@ def test_a_preset_is_one_undo_step(preset: str) -> None:
     before = document.text
     notes = document.apply_preset(preset)
     assert "cotton" in notes[0]
+    assert "--yarn" not in notes[0]  # the window has no options
+    assert "Weave source > Yarn" in notes[0]
     assert document.history.count() == 1
     assert document.scene.moves
     assert document.scene.woven is not None
@@ -32,6 +34,7 @@ def test_a_preset_is_one_undo_step(preset: str) -> None:
     assert "bending length" in document.text  # a comment on where the lengths come from
     # Another preset replaces it; a value can be changed as usual.
     document.apply_preset("drape")
+    assert document.scene.title.count(":") == 1  # it names the last preset only
     document.set("cage", "divisions", [6, 6, 1])
     assert document.scene.cage.divisions == (6, 6, 1)
     for _ in range(document.history.count()):

@@ -476,6 +476,13 @@ def test_all_tabs_and_tools_are_visible(open_window: Any) -> None:
         for action in shown:
             assert tools.widgetForAction(action).isVisible(), (width, action.text())
         assert not tools.findChild(QToolButton, "qt_toolbar_ext_button").isVisible()
+    # On a small laptop, the titles of tabs are smaller, but whole.
+    window.resize(980, 640)
+    wait_until(lambda: bar.font().pointSizeF() < window.font().pointSizeF())
+    for number in range(bar.count()):
+        place, text = bar.tabRect(number), bar.tabText(number)
+        assert bar.rect().contains(place), text
+        assert bar.fontMetrics().horizontalAdvance(text) <= place.width(), text
 
 
 @pytest.mark.nightly

@@ -82,6 +82,10 @@ _MESSAGE_TIME = 10_000
 _MIN_WIDTH = 690
 #: Free width beside the title of a tab, in pixels.
 _TAB_GAP = 9
+#: The least of it.
+_TAB_MARGINS = 6
+#: Size of the titles of tabs in a narrow panel, over the usual one.
+_SMALLEST_TITLE = 0.78
 #: Share of the window's width for the gallery at the first start.
 _GALLERY = 0.36
 #: Factor by which one key press makes lines and points thicker.
@@ -92,6 +96,45 @@ _SWITCH_ON_ROTATION = "switch on Rotation strain"
 _STATEMENT_END = re.compile(r"[;:]|\. |, so that|, but ")
 #: Most words of that statement in the status line.
 _MAX_WORDS = 16
+
+
+class _Tabs(QTabWidget):
+    """Tabs whose titles are written smaller, then shortened, where the panel is narrow."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        # Qt draws the base line of the tab bar white, also in the dark theme.
+        self.tabBar().setDrawBase(False)
+        # In a narrow window, shorten the titles first: users do not find tabs behind buttons that
+        # scroll. Without such buttons, many tabs would need so much width that the panel hides.
+        self.setUsesScrollButtons(True)
+        self.setElideMode(Qt.TextElideMode.ElideRight)
+
+    def widths(self) -> list[int]:
+        """Return the widths of the visible tabs in the usual font, in pixels."""
+        titles = (self.tabText(n) for n in range(self.count()) if self.isTabVisible(n))
+        return [self.fontMetrics().horizontalAdvance(title) + _TAB_GAP for title in titles]
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._fit_titles()
+        super().resizeEvent(event)
+
+    def tabInserted(self, index: int) -> None:
+        super().tabInserted(index)
+        self._fit_titles()
+
+    def tabRemoved(self, index: int) -> None:
+        super().tabRemoved(index)
+        self._fit_titles()
+
+    def _fit_titles(self) -> None:
+        widths, font = self.widths(), self.font()
+        margins = len(widths) * _TAB_MARGINS
+        texts = sum(widths) - len(widths) * _TAB_GAP
+        share = (self.width() - margins) / max(texts, 1)
+        font.setPointSizeF(font.pointSizeF() * min(max(share, _SMALLEST_TITLE), 1.0))
+        if font != self.tabBar().font():
+            self.tabBar().setFont(font)
 
 
 class MainWindow(QMainWindow):
@@ -119,13 +162,7 @@ class MainWindow(QMainWindow):
         self.errors.replace_paths = self.document.drafts.replace_paths
         self.director = Director(self.document, self.engine, self.view, self.times, self.stages)
         self.modes = ModesTab(self.document, self.engine)
-        self.tabs = QTabWidget(documentMode=True)
-        # Qt draws the base line of the tab bar white, also in the dark theme.
-        self.tabs.tabBar().setDrawBase(False)
-        # In a narrow window, shorten the titles first: users do not find tabs behind buttons that
-        # scroll. Without such buttons, many tabs would need so much width that the panel hides.
-        self.tabs.setUsesScrollButtons(True)
-        self.tabs.setElideMode(Qt.TextElideMode.ElideRight)
+        self.tabs = _Tabs(documentMode=True)
         self.draft = DraftTab(self.document)
         self.chart = ChartTab(self.document)
         # Without an owner it would outlive the window while no knit is shown.
@@ -204,8 +241,7 @@ class MainWindow(QMainWindow):
         self.tabs.setCurrentWidget(self.gallery if scene is None else self.modes)
         if scene is None and QSettings().value("columns") is None:
             # At first, room for several columns of thumbnails.
-            titles = (self.tabs.tabText(n) for n in range(self.tabs.count()))
-            room = sum(self.fontMetrics().horizontalAdvance(title) + _TAB_GAP for title in titles)
+            room = sum(self.tabs.widths())
             left, tabs = self.splitter.widget(0).minimumWidth(), round(_GALLERY * self.width())
             tabs = max(tabs, room)
             self.splitter.setSizes([left, self.width() - left - tabs, tabs])

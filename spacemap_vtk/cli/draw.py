@@ -106,6 +106,7 @@ def render(
         spacemap render plain_weave -o cloth.png --time 40ms --color displacement
         spacemap render drape -o drape.png --size 1920x1080 --style paper
         spacemap render twill_2_2 -o relief.png --light raking --inset 0.4,0.5,8
+        spacemap render draft.wif -o curtain.png --hang --yarn "8/2 cotton" --cloth-size 40cm
     """
     if samples is not None and not (raytrace and 1 <= samples <= MOST_SAMPLES):
         raise InputError(
@@ -244,7 +245,7 @@ def storyboard(
     set_: Set = (),
     quiet: Quiet = False,
 ) -> None:
-    """Draw the motion of a scene as a row of pictures, as in figure 6 of the paper.
+    """Draw the motion of a scene as a row of pictures at several times.
 
     The cage (a) is above, the fabric (b) below; time runs to the right. --motions compares several
     methods for the same loads, damping and initial state.

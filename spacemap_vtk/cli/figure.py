@@ -89,7 +89,7 @@ def figure(
     """Lay out a page for a publication: pictures, draft and cloth, Peirce's sections.
 
     All pictures share one camera and one colour scale; a legend below has the axes, a scale bar
-    (without perspective, or for the plane of the camera's focus) and the colours. Sections and
+    (without perspective, or for the camera's focal plane) and the colours. Sections and
     drafts are lines and text in an .svg or .pdf.
 
     A motion at three times, coloured:

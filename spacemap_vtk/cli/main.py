@@ -42,6 +42,7 @@ app = App(
     For example:
 
         spacemap render plain_weave -o cloth.png
+        spacemap render draft.wif --drape -o table.png
         spacemap animate plain_weave -o cloth.gif
         spacemap gui
 
@@ -57,7 +58,7 @@ COMMANDS = {
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
     "storyboard": (
         "draw:storyboard",
-        "Draw the motion of a scene as a row of pictures, as in figure 6 of the paper.",
+        "Draw the motion of a scene as a row of pictures at several times.",
     ),
     "figure": (
         "figure:figure",

@@ -187,7 +187,7 @@ InsetPlaces = Annotated[
 ]
 ScaleBar = Annotated[
     bool,
-    flag("Draw a scale bar; with perspective, for the plane of the camera's focus.", group=PICTURE),
+    flag("Draw a scale bar; with perspective, for the camera's focal plane.", group=PICTURE),
 ]
 Triad = Annotated[bool, flag("Draw the coordinate axes.", group=PICTURE)]
 TimeStamp = Annotated[bool, flag("Draw the time.", group=PICTURE)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Iterable
 
 from PySide6.QtCore import Qt
@@ -23,6 +24,8 @@ MOUSE = (
 )
 #: Titles of menus whose names alone do not say that they concern the view.
 _TITLES = {"View": "Show", "Zoom": "Camera"}
+#: Keys that few keyboards have; Qt adds them to Cut, Copy and Paste.
+_RARE = re.compile(r"F1[3-9]|F[23]\d|Cut|Copy|Paste|(Ctrl|Shift)\+.*(Ins|Del)")
 _COLUMNS = 3
 
 Groups = dict[str, list[tuple[str, str]]]
@@ -36,6 +39,7 @@ def key_groups(entries: Iterable[MenuEntry]) -> Groups:
             continue
         topic = _TITLES.get(path[-1], path[-1])
         key, *more = (key.toString() for key in action.shortcuts())
+        more = [other for other in more if not _RARE.fullmatch(other)]
         also = f" (or {', '.join(more)})" if more else ""
         # The text of "Undo" contains what would be undone.
         name = (action.objectName() or action.text()).replace("&", "").rstrip("…")

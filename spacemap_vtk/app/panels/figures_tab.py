@@ -44,6 +44,9 @@ _REST_TIME = 250
 _DPI = 100.0
 #: Smallest width of the drawing, which its labels need, in pixels.
 _MIN_WIDTH = 240
+#: A value that a column must have room for, and the margins of its cell, in pixels.
+_WIDEST_VALUE = "0.88888 mm"
+_CELL_MARGIN = 10
 #: Figures of the model, not of the cloth.
 _LEFT_OUT = ("radial_error", "patches", "control_points", "memory_bytes")
 _HINTS = (
@@ -250,7 +253,18 @@ class FiguresTab(QWidget):
                 if place:
                     item.setTextAlignment(RIGHT)
                 self.table.setItem(number, place, item)
+        self._fit_columns()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Wrap the names of figures where a narrow tab has no room for both columns of values."""
+        super().resizeEvent(event)
+        self._fit_columns()
+
+    def _fit_columns(self) -> None:
         self.table.resizeColumnToContents(0)
+        value = self.fontMetrics().horizontalAdvance(_WIDEST_VALUE) + _CELL_MARGIN
+        room = max(self.table.viewport().width() - 2 * value, value)
+        self.table.setColumnWidth(0, min(self.table.columnWidth(0), room))
         self.table.resizeRowsToContents()
 
     def _copy(self) -> None:

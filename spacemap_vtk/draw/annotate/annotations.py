@@ -204,7 +204,7 @@ class Annotations:
         bar_width = length / scale.unit_length
         left = edge * (1 + self._triad) + 5.8 * letter * self._triad
         text = format_quantity(length, "m")
-        long_text = text + ("" if scale.is_parallel else " in the plane of the focus")
+        long_text = text + ("" if scale.is_parallel else " in the focal plane")
         if self._measure_text(0, long_text)[1][0] < free_width - left - 2 * edge:
             text = long_text
         right = left + 2 * edge + max(bar_width, self._measure_text(0, text)[1][0])

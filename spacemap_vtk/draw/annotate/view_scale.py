@@ -28,7 +28,7 @@ class ViewScale(NamedTuple):
     """Scale and orientation of a view."""
 
     unit_length: float
-    """Length of a unit of the picture, in the plane of the focus, in m."""
+    """Length of a unit of the picture, in the focal plane, in m."""
     axes: Floats
     """(3, 3) The axes x, y and z in the camera's frame: right, up, towards the eye."""
     is_parallel: bool
@@ -94,7 +94,7 @@ def _draw_scale(axes: Axes, page_style: PageStyle, scale: ViewScale) -> None:
     )
     text = format_quantity(length, "m")
     axes.text(left, 5.8, text, fontsize=TEXT, color=page_style.ink, va="bottom")
-    projection = "without perspective" if scale.is_parallel else "in the plane of the focus"
+    projection = "without perspective" if scale.is_parallel else "in the focal plane"
     axes.text(left, 3.8, projection, fontsize=SMALL, color=page_style.faint, va="top")
 
 
