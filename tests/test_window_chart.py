@@ -119,8 +119,10 @@ def test_lace_is_stored_once_its_row_can_be_knitted(open_scene: Any, tmp_path: P
 def test_only_knits_have_a_chart(open_scene: Any, tmp_path: Path) -> None:
     window = open_knit(open_scene, tmp_path)
     assert window.tabs.indexOf(window.chart) >= 0
+    window.tabs.setCurrentWidget(window.chart)
     window.document.set("textile", "kind", "mesh")
     assert window.tabs.indexOf(window.chart) < 0
+    assert window.tabs.currentWidget() is window.draft
     window.menus.actions["Undo"].trigger()
     assert window.tabs.indexOf(window.chart) >= 0
 

@@ -101,6 +101,7 @@ def test_cards_of_the_view_add_a_close_up_and_choose_a_saved_camera(open_scene: 
 def test_the_picture_of_the_view_is_copied(open_scene: Any) -> None:
     window = open_scene("twill_2_2")
     window.menus.actions["Copy picture"].trigger()
+    assert "in the clipboard" in window.statusBar().currentMessage()
     copied = pixels_of(QGuiApplication.clipboard().image())
     assert np.array_equal(copied, window.view.image())
 

@@ -439,6 +439,7 @@ class MainWindow(QMainWindow):
         # As a temporary message: the next frame would replace the text about the view.
         self.exports.written.connect(lambda file: self._show_message(f"Saved: {file}"))
         self.exports.copied.connect(self._show_message)
+        self.menus.copied.connect(self._show_message)
         self.gallery.show_presets((*self.presets.values(), self.show_composite))
         self.gallery.new_button.clicked.connect(self.files.new)
         self.gallery.open_button.clicked.connect(self.files.open)
@@ -626,6 +627,8 @@ class MainWindow(QMainWindow):
         if shown and present < 0:
             self.tabs.insertTab(self.tabs.indexOf(after) + 1, tab, title)
         elif not shown and present >= 0:
+            if self.tabs.currentWidget() is tab:  # Qt would select the tab behind it
+                self.tabs.setCurrentWidget(after)
             self.tabs.removeTab(present)
 
     def _palette_entries(self) -> Iterator[Entry]:

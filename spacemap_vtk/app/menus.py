@@ -40,6 +40,8 @@ class Menus(QObject):
 
     #: The error that explains why a command is not possible.
     refused = Signal(object)
+    #: A sentence about what is now in the clipboard.
+    copied = Signal(str)
 
     def __init__(
         self,
@@ -195,7 +197,10 @@ class Menus(QObject):
 
     def _copy_picture(self) -> None:
         """Copy the picture of the view as it is shown."""
-        QGuiApplication.clipboard().setImage(self._view.canvas.grabFramebuffer())
+        image = self._view.canvas.grabFramebuffer()
+        QGuiApplication.clipboard().setImage(image)
+        size = f"{image.width()} × {image.height()} pixels"
+        self.copied.emit(f"The picture is in the clipboard, {size}")
 
     def _copy(self, text_of: Callable[[Document, float], str]) -> None:
         """Copy the scene as text; refused if a file of it exists only temporarily."""
@@ -213,6 +218,7 @@ class Menus(QObject):
             self.refused.emit(error)
         else:
             QGuiApplication.clipboard().setText(text)
+            self.copied.emit("The text is in the clipboard")
 
     def _set_theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
