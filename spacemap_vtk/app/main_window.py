@@ -331,7 +331,7 @@ class MainWindow(QMainWindow):
         for place, (part, share) in enumerate(((left, 1), (middle, 3), (self.tabs, 1))):
             self.splitter.addWidget(part)
             self.splitter.setStretchFactor(place, share)
-        self.splitter.setSizes([300, 740, 400])
+        self.splitter.setSizes([300, 790, 350])
         self.setCentralWidget(self.splitter)
         # A narrower window hides the tabs.
         self.setMinimumWidth(_MIN_WIDTH)
