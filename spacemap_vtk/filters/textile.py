@@ -105,7 +105,8 @@ class Textile:
         """
         raise InputError(
             "a unit cell needs a textile that repeats itself along both axes",
-            cure="Choose a weave, or a knit, braid or layers that are flat.",
+            cure="Choose a weave, a flat knit, leno, wire mesh or layers. Braids and tubes repeat "
+            "themselves along one axis only.",
         )
 
 

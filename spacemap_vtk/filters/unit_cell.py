@@ -390,7 +390,7 @@ def make_unit_cell(
             "the layers reach into each other by more than their height",
             key="nesting",
             value=stage.nesting,
-            allowed=f"less than {height:g} m",
+            allowed=f"less than {format_quantity(height, 'm', 3)}",
         )
     spacing = size / shape
     require_memory(

@@ -92,7 +92,7 @@ def find_end(fabric: Fabric, way: Floats) -> float:
         if extension > _MOST - 1.0:
             raise InputError(
                 "the cloth stretches by more than 100 % before its force reaches 500 gf/cm",
-                cure="Give the yarns a larger tension or modulus in [yarns]",
+                cure="Give the yarns a larger tension or modulus, in [yarns] or [textile]",
             )
     return float(brentq(miss, 0.0, extension, xtol=1e-12))
 

@@ -137,7 +137,7 @@ def _upper_ends(fabric: Fabric, angles: Floats, axis: int) -> Floats:
         if high.max() > _LARGEST_STRETCH:
             raise InputError(
                 "the cloth stretches by more than 100 % under the pretension of 10 gf/cm",
-                cure="Give the yarns a larger tension or modulus in [yarns]",
+                cure="Give the yarns a larger tension or modulus, in [yarns] or [textile]",
             )
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2

@@ -126,7 +126,7 @@ def pull_strip(
     raise InputError(
         f"the force of a clamped strip does not reach {LARGEST:.4g} N/m",
         value=f"{force[-1]:.4g} N/m at {extension[-1]:.1%}",
-        cure="Give the yarns a larger tension or modulus in [yarns]",
+        cure="Give the yarns a larger tension or modulus, in [yarns] or [textile]",
     )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spacemap_vtk.errors import InputError
+from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.textile import Textile
 from spacemap_vtk.filters.unit_cell import FEWEST_VOXELS, UnitCell, make_unit_cell
 from spacemap_vtk.ndarrays import Floats, Progress
@@ -46,6 +48,18 @@ class Composite:
     coarse_plate: PlateStiffness | None = None
 
 
+@contextmanager
+def name_cell_errors(scene: Scene) -> Iterator[None]:
+    """Add the scene's file to errors, and the section to those about a key of the unit cell."""
+    with scene.add_file_to_errors():
+        try:
+            yield
+        except SpacemapError as error:
+            if error.section is None and error.key in UnitCell.parameters:
+                error.section = UnitCell.section
+            raise
+
+
 def find_unit_cell(scene: Scene) -> tuple[UnitCell, Any]:
     """Return the parameters of a scene's unit cell, and the patches of its repeat."""
     source = scene.stage("source")
@@ -56,7 +70,7 @@ def find_unit_cell(scene: Scene) -> tuple[UnitCell, Any]:
         )
     stage = scene.parts["unit_cell"]
     assert isinstance(stage, UnitCell)
-    with scene.add_file_to_errors():
+    with name_cell_errors(scene):
         return stage, source.around_repeat().update().output
 
 
@@ -83,7 +97,7 @@ def unit_cell_model(
 ) -> UnitCellModel:
     """Return voxels, materials and perhaps fields of a scene's unit cell, for a file."""
     stage, patches = find_unit_cell(scene)
-    with scene.add_file_to_errors():
+    with name_cell_errors(scene):
         model = stage.model(scene.title, patches)
         warn_of_cell(scene, stage, model.voxels, model.spacing)
         if not fields:
@@ -146,7 +160,7 @@ def compute_constants(
             progress((done + share) / parts)
 
     made: list[Any] = []
-    with scene.add_file_to_errors():
+    with name_cell_errors(scene):
         voxels, spacing = make_unit_cell(stage, patches, stage.voxels)
         warn_of_cell(scene, stage, voxels, spacing)
         fine = voxels

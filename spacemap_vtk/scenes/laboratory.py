@@ -40,6 +40,11 @@ GIVE_STIFFNESS = (
     "cotton of 30 tex whose crossings do not flatten), or choose a measured fabric, as --set "
     "modal.material=denim"
 )
+#: The same for a knit or another textile.
+_GIVE_TEXTILE = (
+    'Give the stiffness of the yarns, for example --set textile.tension="300 N" --set '
+    'textile.bending="10 mN.mm2" --set modal.material=yarns'
+)
 
 
 class TestResult(NamedTuple):
@@ -94,7 +99,7 @@ def fabric_of(scene: Scene) -> Fabric:
         raise InputError(
             f"{scene.file or scene.title}: this scene gives the stiffness of neither yarns nor "
             "sheet",
-            cure=GIVE_STIFFNESS,
+            cure=_GIVE_TEXTILE if scene.textile and scene.woven is None else GIVE_STIFFNESS,
         )
     return found
 

@@ -10,7 +10,7 @@ import numpy as np
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.unit_cell import make_unit_cell
 from spacemap_vtk.ndarrays import Floats, Progress
-from spacemap_vtk.scenes.composite import find_unit_cell, half_of, warn_of_cell
+from spacemap_vtk.scenes.composite import find_unit_cell, half_of, name_cell_errors, warn_of_cell
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.stokes import permeability
 
@@ -43,7 +43,7 @@ def compute_permeability(scene: Scene, progress: Progress | None = None) -> Perm
         if progress is not None:
             progress((len(tensors) + share) / 2)
 
-    with scene.add_file_to_errors():
+    with name_cell_errors(scene):
         fine, size = make_unit_cell(stage, patches, stage.voxels)
         warn_of_cell(scene, stage, fine, size)
         voxels, spacing = fine, size
