@@ -266,6 +266,16 @@ class Picture:
         """Return the picture at the time that was drawn last, from another viewpoint.
 
         Nothing is computed again: facets remain those of the picture's own viewpoint.
+
+        Parameters
+        ----------
+        viewpoint : Viewpoint
+            Where the camera is, and where it looks.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3)
+            Colours; the first row is the top one.
         """
         assert self._frame is not None  # `draw` comes first
         for panel in self.panels:
