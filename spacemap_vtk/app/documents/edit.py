@@ -31,7 +31,8 @@ class Edit(QUndoCommand):
         after: Version,
         burst: int,
     ) -> None:
-        super().__init__(name)
+        # Before the line break is what the list of changes shows, after it what follows "Undo".
+        super().__init__(f"{name[:1].upper()}{name[1:]}\n{name}")
         # A weak reference: the document owns the undo stack that owns this edit.
         self._restore = WeakMethod(restore)
         self._before, self._after, self._burst = before, after, burst
