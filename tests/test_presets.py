@@ -164,6 +164,17 @@ def test_a_cloth_for_files_has_few_crossings_and_a_large_draft_is_cut() -> None:
     assert plan.values["weave"]["ends"] == pytest.approx(641, abs=2)
 
 
+def test_cloth_too_large_for_the_cells_of_time_steps_is_refused() -> None:
+    # 40 cm of it has cells of 1.7 bending lengths, which turned inside out on the ball.
+    overshot = Scene.read(DRAFTS / "overshot.wif")
+    for preset in ("drop", "swing"):
+        with pytest.raises(InputError, match="bending length") as raised:
+            make_plan(overshot, preset, yarn="8/2 cotton", size=[0.4])
+        assert "a side of at most 259 mm" in str(raised.value)
+        make_plan(overshot, preset, yarn="8/2 cotton", size=[0.25])
+    make_plan(overshot, "drape", yarn="8/2 cotton", size=[0.4])
+
+
 def test_a_yarn_of_the_scene_is_kept() -> None:
     weave = {"pattern": "plain", "warp_yarn": "20/2 silk", "weft_yarn": "20/2 silk"}
     weave |= {"warp_sett": "24 epi", "weft_sett": "24 epi"}

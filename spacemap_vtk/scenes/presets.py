@@ -54,6 +54,8 @@ _MOST_CELLS = 1200
 _FEWEST_CELLS = 12
 #: The same for motions in time steps.
 _STEPPED_CELLS = 256
+#: Widest cell of such a motion over the bending length; in wider ones sharp folds turn inside out.
+_WIDEST_CELL = 1.1
 #: Most Bézier patches of a knit or another textile, whose yarns are all drawn.
 _MOST_PATCHES = 250_000
 #: Distance of the rings of a curtain over the bending length, if it is flat.
@@ -235,12 +237,28 @@ def make_plan(
     prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
     sides = _sides(size) if size is not None else None
     sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
+    if sides is not None and preset in ("drop", "swing"):
+        _check_stepped_size(sheet)
     title = split_title(scene.title)[0] or "Cloth"
     values["title"] = f"{title}: {PRESETS[preset].label.lower()}"
     _MAKERS[preset](values, sheet)
     values["warp"] = {"smooth": True}
     values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
     return plan
+
+
+def _check_stepped_size(sheet: _Sheet) -> None:
+    """Refuse cloth whose cells would be too wide for its folds, which then turn inside out."""
+    largest = _WIDEST_CELL * sheet.bending_length * math.sqrt(_STEPPED_CELLS)
+    area = float(sheet.sides.prod())
+    if area > largest**2:
+        raise InputError(
+            f"cloth of {_length(math.sqrt(area))} is too large to move in time steps, as its "
+            f"bending length is {_length(sheet.bending_length)}",
+            key="size",
+            allowed=f"a side of at most {_length(largest)}, if it is square",
+            cure="Choose a smaller size or a stiffer yarn; a larger cloth can hang or drape.",
+        )
 
 
 def split_title(title: str) -> tuple[str, str]:

@@ -320,6 +320,7 @@ class DraftTab(QWidget):
             self.refresh()
             self.failed.emit(error)
         else:
+            self._show_hint()  # what was refused before is obsolete
             self.accepted.emit()
 
     def _set_count(self, value: int) -> None:

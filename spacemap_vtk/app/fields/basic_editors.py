@@ -141,6 +141,7 @@ class FileEditor(LineEditor):
 
     def show_value(self, value: Any) -> None:
         self.show_text("" if value is None else self.display_name(value))
+        self.line.setCursorPosition(0)  # the name's beginning, if the field is too narrow for it
         #: Start of the file dialog; empty for a temporary file, which has another name here.
         self._file = str(value) if str(value).endswith(self.shown) else ""
 
