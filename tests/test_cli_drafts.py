@@ -84,7 +84,7 @@ def test_export_prints_the_warnings_of_a_draft(
     assert any("Units=mm is not in the standard" in warning for warning in reported)
     assert run("export", str(file), "-o", str(again)) == 0
     printed = capsys.readouterr().err.splitlines()
-    assert printed == [f"spacemap: warning: {warning}" for warning in reported]
+    assert printed == [f"spacemap: note: {warning}" for warning in reported]
     assert run("export", str(file), "-o", str(again), "-q") == 0
     assert capsys.readouterr().err == ""
 
@@ -166,7 +166,7 @@ def test_a_draft_whose_yarns_do_not_fit_is_still_a_draft(
 
     assert run("export", str(file), "-o", str(copy)) == 0
     first, again = read_wif(file), read_wif(copy)
-    printed = [f"spacemap: warning: {text}" for text in first.warnings]
+    printed = [f"spacemap: note: {text}" for text in first.warnings]
     assert capsys.readouterr().err.splitlines() == printed
     assert again.loom == first.loom
     np.testing.assert_array_equal(again.drawdown, first.drawdown)

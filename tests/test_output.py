@@ -141,7 +141,13 @@ OWN_WRITERS = {
     "io/formats/usd.py": {"write_usd": {"layer.Export"}},
     # in memory
     "app/documents/draft_versions.py": {"add_state": {"writer.Write"}},
-    "app/web/screen.py": {"picture": {"image.save"}},
+    "app/web/screen.py": {"picture": {"image.save"}, "draw_file": {"image.save"}},
+    "app/web/session.py": {"_list_patterns": {"Image.fromarray(pixels).save"}},
+    # a draft from the browser, in a temporary folder
+    "app/web/server.py": {"_add_guard": {"session.uploads.save"}},
+    "app/web/uploads.py": {"save": {"path.write_bytes"}},
+    # in the folder of the cache
+    "app/documents/file_thumbnails.py": {"save_thumbnail": {"small.copy(cut).save"}},
     "io/formats/pictures.py": {
         "write_picture": {"Image.fromarray(image).save"},
         "write_figure": {"figure.savefig"},

@@ -210,9 +210,9 @@ class Motion:
     drop: Annotated[
         bool, flag("Let the cloth fall onto a ball; a film shows how it lands.", group=CLOTH)
     ] = False
-    swing: Annotated[
-        bool, flag("Hold the cloth level by two edges, and let go of one.", group=CLOTH)
-    ] = False
+    swing: Annotated[bool, flag("Let level cloth fall that is held by one edge.", group=CLOTH)] = (
+        False
+    )
     yarn: Annotated[
         str | None,
         Parameter(

@@ -26,7 +26,7 @@ from spacemap_vtk.filters.weave_parameters import parameter_name
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.filters.yarn_parameters import WarpAndWeft, YarnParameters
 from spacemap_vtk.io.formats.toml import format_scene
-from spacemap_vtk.io.output import atomic_file, check_output
+from spacemap_vtk.io.output import atomic_file, check_output, write_parts
 from spacemap_vtk.mechanics.elements.plates import data_sheet
 from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.scenes.scene import Scene
@@ -40,6 +40,9 @@ from spacemap_vtk.units import GRAVITY, format_quantity
 _MATERIAL = "cotton"
 #: Shear rigidity of a double weave, whose yarns are not known to the law of yarns.
 _SHEAR = "60 N/m"
+#: Stiffness of a crossing against flattening over EA of its yarns, assumed. Hard crossings would
+#: make cloth whose yarns are jammed, as thick ones in a tartan, as good as incompressible.
+_CONTACT = 0.15
 #: Young's modulus of steel [Pa], of which wire meshes are made.
 _STEEL = 200e9
 #: Side of the cloth over its bending length, unless its size is given.
@@ -101,7 +104,7 @@ PRESETS = {
         "Drape over table", "Lay the cloth on a round table, over which it hangs in folds."
     ),
     "drop": Preset("Drop onto ball", "Let the cloth fall onto a ball; a film shows how it lands."),
-    "swing": Preset("Swing from edge", "Hold the cloth level by two edges, and let go of one."),
+    "swing": Preset("Swing from edge", "Let level cloth fall that is held by one edge."),
 }
 
 
@@ -294,7 +297,7 @@ def write_scene(scene: Scene, file: Path) -> None:
     check_output(file, {".toml": "scene"})
     text = format_preset(scene_values(scene, file.resolve().parent))
     with atomic_file(file) as path:
-        path.write_text(text, encoding="utf-8")
+        write_parts(path, [text.encode()])
 
 
 def format_preset(values: Mapping[str, Any]) -> str:
@@ -349,7 +352,8 @@ def _prepare_weave(
     if not known:
         yarns |= _yarns_of_weave(plan, source)
     if not {"contact", "van_wyk", "contact_curve", "flattest"} & yarns.keys():
-        yarns["flattest"] = 1.0  # crossings are hard, as nothing else is known
+        tension = math.sqrt(math.prod(_tensions(source, yarns)))
+        yarns["contact"] = _rounded(_CONTACT * tension, "N")
     values["yarns"] = yarns
     values["modal"] = {"elements": "sheet"}
     cloth = source.cloth
@@ -435,20 +439,27 @@ def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
     }
 
 
+def _tensions(source: WeaveSource, yarns: Mapping[str, Any]) -> tuple[float, float]:
+    """Return EA of a warp yarn and of a weft yarn [N]."""
+    known = YarnParameters(**yarns)
+    tension = WarpAndWeft.pair(known.tension)
+    if tension is not None:
+        return tension[0], tension[1]
+    modulus, densities = WarpAndWeft.pair(known.modulus), source.linear_densities
+    assert modulus is not None
+    assert densities is not None
+    ends = source.cloth.size[0]
+    return modulus[0] * float(np.mean(densities[:ends])), modulus[1] * float(
+        np.mean(densities[ends:])
+    )
+
+
 def _layered_figures(source: WeaveSource, yarns: Mapping[str, Any]) -> dict[str, Any]:
     """Return the figures of a double weave, whose two cloths slide on each other."""
-    known = YarnParameters(**yarns)
-    cloth = source.cloth
-    tension, bending = WarpAndWeft.pair(known.tension), WarpAndWeft.pair(known.bending)
-    densities, ends = source.linear_densities, cloth.size[0]
-    assert densities is not None
+    tension = _tensions(source, yarns)
+    bending = WarpAndWeft.pair(YarnParameters(**yarns).bending)
     assert bending is not None
-    if tension is None:
-        modulus = WarpAndWeft.pair(known.modulus)
-        assert modulus is not None
-        means = float(np.mean(densities[:ends])), float(np.mean(densities[ends:]))
-        tension = modulus[0] * means[0], modulus[1] * means[1]
-    setts = [1.0 / threads.mean_spacing(1e-3) for threads in cloth.threads]
+    setts = [1.0 / threads.mean_spacing(1e-3) for threads in source.cloth.threads]
     return {
         "tensile_rigidity": [_rounded(t * n, "N/m") for t, n in zip(tension, setts, strict=True)],
         "bending_rigidity": [_rounded(b * n, "N.m") for b, n in zip(bending, setts, strict=True)],
@@ -732,17 +743,16 @@ def _drop(values: dict[str, Any], sheet: _Sheet) -> None:
 
 
 def _swing(values: dict[str, Any], sheet: _Sheet) -> None:
-    """Hold cloth level by two edges, and let go of one, in time steps."""
+    """Let level cloth fall that is held by one edge, in time steps."""
     period = 2.0 * math.pi * math.sqrt(2.0 * float(sheet.sides[1]) / (3.0 * GRAVITY))
-    # One face of the edges is held: a hinge.
-    held = f"inf, {_length(float(sheet.low[2] + sheet.high[2]) / 2)}, inf)"
-    near = 0.01 * float(sheet.sides[1])
-    top, bottom = float(sheet.high[1]) - near, float(sheet.low[1]) + near
-    values["modal"] |= {"fixed": f"box(-inf, inf, {_length(top)}, {held}", "modes": 6}
+    # One face of the edge is held: a hinge.
+    top = float(sheet.high[1]) - 0.01 * float(sheet.sides[1])
+    middle = float(sheet.low[2] + sheet.high[2]) / 2
+    fixed = f"box(-inf, inf, {_length(top)}, inf, {_length(middle)}, inf)"
+    values["modal"] |= {"fixed": fixed, "modes": 6}
     values["cage"] = {"divisions": sheet.cells(_STEPPED_CELLS)}
     span = _tidy(2.0 * period)
     values["transient"] = {
-        "held": f"box(-inf, inf, -inf, {_length(bottom)}, {held[5:]}",
         "gravity": [0.0, 0.0, "-1 g"],
         "alpha": 1.5,
         "beta": "3 ms",
@@ -775,10 +785,9 @@ _REMARKS = {
     ("modal", "springs"): "each draws a ring towards the middle, with a force of dead_loads",
     ("modal", "hang"): "the cloth starts where it is",
     ("yarns", "bending"): "twice that of fibres that slide freely",
-    ("yarns", "flattest"): "crossings are hard",
+    ("yarns", "contact"): "crossings flatten; assumed",
     ("warp", "smooth"): "no kinks between the cage's cells",
     ("rotation", ""): "no artificial stretch at large rotations",
-    ("transient", "held"): "until t = 0",
     ("transient", "alpha"): "drag of the air",
     ("transient", "beta"): "damps waves as short as a cell",
     ("transient", "tolerance"): "sufficient for pictures",

@@ -11,6 +11,8 @@ from PySide6.QtGui import QImage
 
 from spacemap_vtk import cache
 from spacemap_vtk.draw import thumbnails
+from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.io.output import atomic_file
 
 #: More thumbnails than these are deleted, the oldest first.
 _MOST_FILES = 40
@@ -37,11 +39,10 @@ def save_thumbnail(file: Path, view: QImage) -> bool:
     small = view.scaled(fitted, Qt.AspectRatioMode.IgnoreAspectRatio, smooth)
     cut = QRect(0, 0, width, height)
     cut.moveCenter(small.rect().center())
-    part = picture.with_suffix(".part")
-    with contextlib.suppress(OSError):  # a full disk, for example
+    with contextlib.suppress(OSError, SpacemapError):  # a full disk, for example
         picture.parent.mkdir(parents=True, exist_ok=True)
-        saved = small.copy(cut).save(str(part), "JPG", 84)
-        part.replace(picture)
+        with atomic_file(picture) as part:
+            saved = small.copy(cut).save(str(part), "JPG", 84)
         old = sorted(picture.parent.glob("*.jpg"), key=lambda each: each.stat().st_mtime)
         for each in old[:-_MOST_FILES]:
             each.unlink()
