@@ -23,9 +23,9 @@ from scipy.sparse import csgraph
 from spacemap_vtk.ndarrays import Floats, Ints
 from spacemap_vtk.parallel import load_loops
 
-#: Number of entries of factors, over all factorisations, from which compiled loops save more time
-#: than their compiler takes to load.
-MANY_ENTRIES = 60_000_000
+#: Number of entries of factors, over all factorisations, from which compiled loops are loaded: a
+#: search of many steps saves more time than that takes, and pictures load their compiler, too.
+MANY_ENTRIES = 4_000_000
 
 #: A subtree of at most this many vertices is one front: a dense block is faster than many small
 #: ones.

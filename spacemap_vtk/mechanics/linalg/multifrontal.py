@@ -48,7 +48,7 @@ class Cholesky:
         left: list[Floats | None] = [None] * len(analysis.runs)
         share = analysis.work
         for number, pivot, side, rest in analysis.assemble_fronts(matrix, left):
-            triangle, failed = lapack.dpotrf(pivot, lower=1, clean=1, overwrite_a=1)
+            triangle, failed = lapack.dpotrf(pivot, lower=1, clean=0, overwrite_a=1)
             if failed:
                 raise SolverError(
                     "the stiffness matrix cannot be factorised: it is not positive definite",
