@@ -191,7 +191,7 @@ class Picture:
             self.panels.append(self._make_panel(scene, panel, (w, height), points))
         #: Makes the yarns one piece after another; None if they are drawn together or not at all.
         self.pieces = None if cloth is None else self._make_pieces(cloth)
-        #: The cameras of the panels at the beginning.
+        #: Viewpoint of each panel when the picture was made.
         self._viewpoints = [Viewpoint.from_camera(each.window.camera) for each in self.panels]
         #: Makes the dark layer inside a closed cloth; None if there is none, or no yarn is drawn.
         self._underlay: ClothUnderlay | None = None

@@ -285,7 +285,7 @@ class SceneView:
         self.sheet.set_shadow_strength(self.occlusion if on else 0.0)
 
     def show_alone(self, color_bar: vtkScalarBarActor) -> None:
-        """Hide the frame and its scale, but not the annotations, beside objects of the caller."""
+        """Hide the frame, and show the annotations and the scale of objects that the caller draws."""
         self._hide_frame()
         for drawn in (self.surface, self.sheet):
             drawn.color_bar.VisibilityOff()

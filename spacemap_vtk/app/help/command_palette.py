@@ -34,7 +34,7 @@ class Entry(NamedTuple):
     """Where it is in the window, and its keys."""
     run: Callable[[], object]
     words: str = ""
-    """More words by which it is found."""
+    """Further words that a search finds, such as synonyms."""
 
 
 class CommandPalette(QDialog):

@@ -25,7 +25,7 @@ from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
 from spacemap_vtk.scenes.sweep import make_sweep
 
-#: Number of keys that can vary.
+#: Number of rows of the dialog; each varies one key.
 _ROWS = 3
 #: Kinds of parameters that are not varied in lists.
 _LONG_KINDS = ("loads", "obstacles", "grips", "cameras", "insets", "file")

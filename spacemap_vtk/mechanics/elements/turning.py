@@ -28,8 +28,8 @@ _STRAIGHT = 1e-9
 class TurningMoves:
     """Finite moves of p and δ of a sheet, from straight ones."""
 
-    # `points` (V, 3) are the undeformed vertices [m]; `basis` (3V, N) contains the motions of p and
-    # δ that the supports allow.
+    # `points` (V, 3) are the undeformed vertices [m]. Columns of `basis` (3V, N) are the motions of
+    # p and δ that the supports allow.
     def __init__(self, points: Floats, surface: MidSurface, basis: csr_matrix) -> None:
         from scipy.sparse import block_diag, csr_matrix, diags, eye, kron
         from scipy.sparse.linalg import splu

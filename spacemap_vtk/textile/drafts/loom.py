@@ -237,7 +237,7 @@ def count_marks(rows: Rows, columns: int) -> tuple[int, ...]:
     Parameters
     ----------
     rows : tuple of tuple of int
-        Shafts of each end, or treadles of each pick.
+        For each end the numbers of its shafts, or for each pick the numbers of its treadles.
     columns : int
         Number of shafts or treadles.
 

@@ -30,7 +30,8 @@ from spacemap_vtk.textile.rods.yarns import Yarn
 _STAGES = (*STAGES[:4], Stage(1.0, 0.03, 1e-3, 1e-4), Stage(1.0, 1.0, 1e-4, 1e-5))
 #: Control points at each end of the yarn that are held; without friction the knit would ravel.
 _HELD = 4
-#: The last diameters of the yarn, from the joint of the cast-on, and from the head of the chain.
+#: Ends of the yarn, in diameters: where it enters, relative to the first point of the cast-on,
+#: and where it leaves, relative to the last loop of the bind-off.
 _FIRST_TAIL = np.array([[3.5, -0.8, 0.0], [2.0, -0.5, 0.0]])
 _LAST_TAIL = np.array([[1.5, 0.5, 0.0], [3.5, 0.8, 0.0]])
 _MIRROR = np.array([-1.0, 1.0, 1.0])

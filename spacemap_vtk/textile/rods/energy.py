@@ -95,7 +95,7 @@ class RodEnergy:
         #: Shape in which yarns are set.
         self.set_shape: SetShape | None = None
         if mechanics.set_in is not None:
-            self.set_shape = SetShape.of(samples, mechanics.set_in)
+            self.set_shape = SetShape.from_flat_cell(samples, mechanics.set_in)
             self._dents = self._find_dents(mechanics.set_in)
 
     def _find_dents(self, z: Floats) -> Floats:

@@ -30,8 +30,8 @@ class SetShape(NamedTuple):
     """(S, 3) κ₀ [1/m]."""
 
     @classmethod
-    def of(cls, samples: Samples, z: Floats) -> SetShape:
-        """Return the shape of yarns whose unknowns are z in a flat cell."""
+    def from_flat_cell(cls, samples: Samples, z: Floats) -> SetShape:
+        """Compute the shape of the yarns of a flat cell from its unknowns z, shape (N,)."""
         samples = samples._replace(turn=0.0)
         a, b = samples.slopes(z), samples.bends(z)
         speed = np.linalg.norm(a, axis=1)
