@@ -285,7 +285,7 @@ class SceneView:
         self.sheet.set_shadow_strength(self.occlusion if on else 0.0)
 
     def show_alone(self, color_bar: vtkScalarBarActor) -> None:
-        """Hide the frame, and show the annotations and the scale of objects that the caller draws."""
+        """Hide the frame; show annotations and scale beside objects that the caller draws."""
         self._hide_frame()
         for drawn in (self.surface, self.sheet):
             drawn.color_bar.VisibilityOff()
