@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from window import WIDE, require_display, settled, wait_until
+from window import WIDE, require_display, settled, turn_wheel, wait_until
 
 require_display()
 
@@ -15,6 +15,8 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 
 from spacemap_vtk.draw.actors.surface_actor import color_bar_share  # noqa: E402
+from spacemap_vtk.draw.camera import project_points  # noqa: E402
+from spacemap_vtk.draw.scene_view import extent_of  # noqa: E402
 from spacemap_vtk.scenes import library  # noqa: E402
 from spacemap_vtk.scenes.cameras import CAMERAS  # noqa: E402
 
@@ -137,3 +139,32 @@ def test_resizing_keeps_the_scene_in_view_until_the_camera_is_moved(open_scene: 
     window.resize(1300, 760)
     wait_until(lambda: settled(window))
     assert camera.GetPosition() == before
+
+
+def test_camera_follows_the_size_of_the_cloth_until_the_user_zooms(open_scene: Any) -> None:
+    window = open_scene()
+    camera, document = window.view.canvas.camera, window.document
+
+    def is_in_picture() -> bool:
+        points = extent_of(window.view.frame, loads=False)
+        aspect = window.view.canvas.width() / window.view.canvas.height()
+        clip = project_points(camera, points, aspect)
+        return bool((np.abs(clip[:, :2]) <= clip[:, 3:]).all())
+
+    before = camera.GetDistance()
+    for ends in (8, 10, 12):  # each step is small
+        document.set("weave", "ends", ends)
+        wait_until(lambda: settled(window))
+        assert is_in_picture()
+    assert camera.GetDistance() > 1.3 * before
+    camera.Azimuth(20.0)  # a turned camera keeps its direction
+    turned = camera.GetDirectionOfProjection()
+    document.set("weave", "ends", 24)
+    wait_until(lambda: settled(window))
+    assert is_in_picture()
+    np.testing.assert_allclose(camera.GetDirectionOfProjection(), turned, atol=1e-9)
+    turn_wheel(window.view.canvas, 120)
+    placed = camera.GetPosition()
+    document.set("weave", "ends", 36)
+    wait_until(lambda: settled(window))
+    assert camera.GetPosition() == placed

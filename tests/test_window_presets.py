@@ -53,7 +53,14 @@ def test_a_preset_keeps_an_edited_draft() -> None:
 def test_the_button_hang_makes_a_curtain_of_a_still_cloth(open_window: Any) -> None:
     window = open_window(str(TWILL))
     assert "curtain" in window.tools.hang.toolTip()
+    camera = window.view.canvas.camera
+    before = camera.GetPosition()
     window.tools.hang.trigger()
+    # Until the curtain is computed, the flat cloth stays in its camera, with a note.
+    assert camera.GetPosition() == before
+    assert window.view.preview.isVisible()
+    assert "being computed" in window.modes.hint.text()
+    assert window.modes.add_button.isHidden()
     assert window.document.scene.modal.fixed
     assert len(window.document.scene.modal.obstacles) == 1  # the rail
     message = window.statusBar().currentMessage()

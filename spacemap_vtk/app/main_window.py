@@ -384,6 +384,8 @@ class MainWindow(QMainWindow):
         self.director.run_cancelled.connect(self._warn_cancelled)
         for ended in (self.director.failed, self.director.run_cancelled):
             ended.connect(self.view.preview.end)
+            ended.connect(self.modes.show_ended)
+        self.document.changed.connect(self.modes.expect_modes)
         self.errors.run_button.clicked.connect(self._run)
         self.modes.swing_changed.connect(self.director.show_mode)
         self.pull.pulled.connect(self._show_pull)
@@ -553,7 +555,7 @@ class MainWindow(QMainWindow):
         self.modes.stop()
         self.pull.stop()
         written = {**self._hanging_values, "fixed": "", "start": state}
-        self.view.fits_change = True  # the cage may fall far
+        self.view.expect_change(aims=False)  # the cage may fall far
         self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
 
     def apply_preset(self, preset: str, **options: Any) -> None:
@@ -563,9 +565,16 @@ class MainWindow(QMainWindow):
         def change() -> None:
             notes.extend(self.document.apply_preset(preset, **options))
 
-        self.view.fits_change = self.view.aims_change = True
+        self.modes.stop()
+        self.pull.stop()
+        before = self.document.text
+        self.view.expect_change(aims=True)
         self._try_change(change)
-        if notes:
+        if self.document.text == before:  # the cloth has this motion, or cannot have it
+            self.view.forget_change()
+        else:
+            self.modes.clear()
+            self.modes.expect_modes()
             text = ". ".join(note[0].upper() + note[1:] for note in notes)
             text = text.replace(YARN_CURE, "; change them in the form of the source")
             self._show_message(f"{text}.")
@@ -675,6 +684,10 @@ class MainWindow(QMainWindow):
 
     def _show_frame_state(self, frame: Frame) -> None:
         self.errors.clear("cancel")
+        if frame.values == self.document.values:
+            self.view.forget_change()
+        elif self.view.aims_change:
+            self.view.preview.announce()
         # A frame of a mode or pull does not prove that the motion works: its stages did not run.
         if frame.mode is None:
             self.errors.clear("run")

@@ -26,6 +26,8 @@ from spacemap_vtk.textile.weave.cloth import Cloth
 
 #: Depth of an object's folds as a share of its diagonal.
 _OBJECT_RELIEF = 0.03
+#: `Frame.mode` of a pull.
+PULLED = -1
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Frame:
     obstacles: ShownObstacles | None = None
     #: Whether the surface is coarser than the scene requests.
     coarse: bool = False
-    #: Index of the mode that is shown in place of the motion; -1 for a pull.
+    #: Index of the mode that is shown in place of the motion; `PULLED` for a pull.
     mode: int | None = None
     #: Number that differs between scenes.
     generation: int = 0

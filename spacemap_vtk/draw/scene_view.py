@@ -196,10 +196,7 @@ class SceneView:
         self.outline.VisibilityOff()
         if options.fabric:
             self._show_fabric(frame)
-        underlay = frame.underlay if self.occlusion > 0.0 else None
-        self.underlay.show(None if underlay is None else underlay.surface)
-        if underlay is not None:
-            self.underlay.GetProperty().SetColor(*underlay.color)
+        self._show_underlay(frame)
         time, annotations = (
             frame.time if frame.cage else None,
             (options.triad, options.scale_bar, options.axes_clickable),
@@ -325,6 +322,8 @@ class SceneView:
         self._moving = moving
         if preview.cloth is not None:
             self._show_sheet(preview if moving else frame, preview.cloth)
+            # Cells of the light sheet are so wide that it would cross the dark layer.
+            self._show_underlay(None if moving else frame)
         # A second actor is used, so that the fine one keeps its buffers in OpenGL.
         yarns = preview.surface if preview.cloth is None else preview.yarns
         if moving and yarns is not None:
@@ -339,6 +338,13 @@ class SceneView:
             self.cut_face.VisibilityOff()
         elif self.cut is not None:
             self.apply_cut(self.cut)
+
+    def _show_underlay(self, frame: Frame | None) -> None:
+        """Show the dark layer inside the cloth of a frame; None hides it."""
+        underlay = frame.underlay if frame is not None and self.occlusion > 0.0 else None
+        self.underlay.show(None if underlay is None else underlay.surface)
+        if underlay is not None:
+            self.underlay.GetProperty().SetColor(*underlay.color)
 
     def _show_obstacles(self, frame: Frame) -> None:
         """Show bodies and planes in the material of the style, also beside a scale."""

@@ -79,6 +79,8 @@ _HINTS = (
     "This scene does not move. Modal response adds a cage around the fabric, and lets it swing.",
     "The motion is read from a file, which has no modes.",
 )
+_COMPUTING = "The modes are being computed."
+_NONE_YET = "The modes have not been computed."
 
 
 class ModesTab(QWidget):
@@ -170,6 +172,17 @@ class ModesTab(QWidget):
         self.sheet.hide()
         self.unresolved.hide()
         self.response.clear()
+
+    def expect_modes(self) -> None:
+        """Without modes, say that they are being computed if the scene has some."""
+        if not self.table.rowCount() and self._document.scene.stage("solver") is not None:
+            self.hint.setText(_COMPUTING)
+            self.add_button.hide()
+
+    def show_ended(self) -> None:
+        """Say that there are no modes: the run has failed or was cancelled."""
+        if self.hint.text() == _COMPUTING:
+            self.hint.setText(_NONE_YET)
 
     def show_modes(self, cage: vtkUnstructuredGrid | None, mover: Stage | None) -> None:
         """Fill the table if the modes or the damping have changed."""

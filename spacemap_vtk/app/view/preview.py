@@ -1,4 +1,4 @@
-"""A thumbnail of a scene that covers the view until the scene is drawn."""
+"""A thumbnail of a scene, or a caption, over the view until the scene is drawn."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ from spacemap_vtk.app.widgets import single_shot
 #: Delay before the caption appears, in ms; most scenes are drawn earlier.
 _DELAY = 300
 _CAPTION = "Preview. The scene is being computed."
+#: Caption over the picture of the former scene.
+_ANNOUNCEMENT = "This is the former picture. The new one is being computed."
+#: Margins of the announcement, in pixels.
+_PADDING = 12, 6
 #: Free margin around the thumbnail, as a fraction of the view.
 _MARGIN = 0.06
 
 
 class Preview(QWidget):
-    """Cover the view with a thumbnail that lets mouse events through."""
+    """Cover the view with a thumbnail or a caption; both let mouse events through."""
 
     #: The thumbnail has been painted.
     painted = Signal()
@@ -36,12 +40,21 @@ class Preview(QWidget):
         """Show a thumbnail, after a delay with a caption, until `end` is called; None: nothing."""
         self.end()
         self._picture = QPixmap() if file is None else QPixmap(str(file))
-        self._has_caption = False
         if not self._picture.isNull():
-            self._delay_timer.start()
-            self.setGeometry(self.parentWidget().rect())
-            self.raise_()
-            self.show()
+            self._begin()
+
+    def announce(self) -> None:
+        """Write over the present picture that a new one is being computed, until `end`."""
+        if self.isHidden():
+            self._picture = QPixmap()
+            self._begin()
+
+    def _begin(self) -> None:
+        self._has_caption = False
+        self._delay_timer.start()
+        self.setGeometry(self.parentWidget().rect())
+        self.raise_()
+        self.show()
 
     def end(self) -> None:
         """Hide the thumbnail: the scene is drawn, or will not be."""
@@ -61,6 +74,11 @@ class Preview(QWidget):
     def paintEvent(self, _event: QPaintEvent) -> None:
         """Paint the thumbnail as large as the view allows, with a caption below it."""
         area, painter = self.rect(), QPainter(self)
+        if self._picture.isNull():
+            if self._has_caption:
+                self._paint_announcement(painter)
+            painter.end()
+            return
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         line = 2 * self.fontMetrics().lineSpacing()
         largest = area.size() * (1.0 - 2.0 * _MARGIN) - QSize(0, line)
@@ -74,3 +92,16 @@ class Preview(QWidget):
             painter.setPen(QColor("#66717e"))
             painter.drawText(below, Qt.AlignmentFlag.AlignCenter, _CAPTION)
         painter.end()
+
+    def _paint_announcement(self, painter: QPainter) -> None:
+        """Paint the announcement on a plate at the top of the view."""
+        metrics, (across, above) = self.fontMetrics(), _PADDING
+        plate = metrics.boundingRect(_ANNOUNCEMENT).adjusted(-across, -above, across, above)
+        plate.moveCenter(self.rect().center())
+        plate.moveTop(2 * above)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(self.palette().toolTipBase())
+        painter.drawRoundedRect(plate, above, above)
+        painter.setPen(self.palette().toolTipText().color())
+        painter.drawText(plate, Qt.AlignmentFlag.AlignCenter, _ANNOUNCEMENT)

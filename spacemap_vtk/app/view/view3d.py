@@ -37,10 +37,9 @@ from spacemap_vtk.draw.camera import (
     refit_viewpoint,
     zoom_in,
 )
-from spacemap_vtk.draw.frame import Frame
+from spacemap_vtk.draw.frame import PULLED, Frame
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions, extent_of, visible_cells
 from spacemap_vtk.scenes.cameras import FLAT, SIDES
-from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 
@@ -58,6 +57,9 @@ _MAX_CLICK_MOVE = 3.0
 _MAX_SMOOTH_TIME = 0.2
 #: The same if the last picture had no smooth edges.
 _MAX_ROUGH_TIME = 0.1
+#: The camera is aimed again if the scene is larger or smaller by these factors; at the larger one
+#: it reaches the edge of the picture.
+_LEAST_GROWTH, _MOST_GROWTH = 0.7, 1.12
 #: VTK's interactor state while the mouse turns the camera (VTKIS_ROTATE).
 _TURNING = 1
 
@@ -139,16 +141,14 @@ class View3D(QWidget):
         self._was_moving, self._is_quick = False, True
         self.canvas.painting.connect(self._prepare_drawing)
         self._observe_camera()
-        #: Sections of a scene file that belong to sources.
-        self._sources = [
-            name for name, cls in section_classes().items() if getattr(cls, "role", "") == "source"
-        ]
-        #: Values of the source of the last fine frame, and the size of its object in m.
-        self._source_state: tuple[object, float] = None, 0.0
+        #: Points that were in view when the camera was aimed.
+        self._aimed_points: NDArray[np.float64] | None = None
         #: Whether the whole scene is to be in view after the next change of its values.
         self.fits_change = False
-        #: Whether the camera is then where the scene has it, too.
+        #: Whether the camera is then where the scene has it, and nothing else changes until then.
         self.aims_change = False
+        #: Whether the last frame showed a pull.
+        self._was_pulled = False
         #: Values of the last drawn scene.
         self._drawn_values: dict[str, Any] | None = None
         #: State for which the camera was aimed: fraction of the width for the colour scale, whether
@@ -157,13 +157,13 @@ class View3D(QWidget):
 
     def show_frame(self, frame: Frame, view: View) -> None:
         """Draw a frame."""
-        self.preview.end()
         first = self.frame is None or self.frame.generation != frame.generation
+        if self.aims_change and not first and frame.values == self._drawn_values:
+            return  # a former frame has no place in the view of the new scene
         self.frame, self._is_scene_closed = frame, False
         self._set_view_settings(view)
         if first:
             self._drawn_values = frame.values  # the camera is aimed below
-            self.fits_change = False
             self.last_cut = None
             self.clear_picks()
         self.refresh(render=False)
@@ -171,6 +171,18 @@ class View3D(QWidget):
         if first:
             self.reset_camera(aim_of(view) or frame.camera)
         self.render()
+
+    def expect_change(self, aims: bool) -> None:
+        """Keep picture and camera until the changed scene is drawn, which then fits to the view."""
+        # `aims`: the camera and the other settings of the view change with the scene.
+        self.fits_change, self.aims_change = True, aims
+        if self.frame is not None and not self._is_scene_closed:
+            self.preview.announce()
+
+    def forget_change(self) -> None:
+        """End the preview: the scene is drawn."""
+        self.preview.end()
+        self.fits_change = self.aims_change = False
 
     def clear_scene(self) -> None:
         """Show nothing until the first frame of a new scene."""
@@ -322,7 +334,7 @@ class View3D(QWidget):
             self._fit_sizes(
                 view.for_window(self._dark)
             )  # for the background, as there may never be a frame
-        elif view.settings != self._scene_settings.settings:
+        elif view.settings != self._scene_settings.settings and not self.aims_change:
             is_aimed = view.camera != self._scene_settings.camera
             self._set_view_settings(view)
             self.refresh()
@@ -364,21 +376,24 @@ class View3D(QWidget):
         if aimed_for != self._aimed_for:
             self._aimed_for = aimed_for
             self._aim_again()
-        sources = [frame.values.get(section) for section in self._sources]
-        if (
-            not frame.coarse and sources != self._source_state[0]
-        ):  # a new value can change the size much
-            size = float(np.ptp(extent_of(frame, False)))
-            before, self._source_state = self._source_state[1], (sources, size)
-            if not 0.7 * size < before < 1.4 * size:
-                self._aim_again()
-        if frame.values != self._drawn_values and (self.fits_change or self._is_out_of_view):
-            # A change of the scene may have moved everything out of the view.
-            self.reset_camera(aim_of(view) if self.aims_change else None)
-            self.fits_change = self.aims_change = False
-        self._drawn_values = frame.values
+        self._follow_size(frame, view)
         if render:
             self.render()
+
+    def _follow_size(self, frame: Frame, view: View) -> None:
+        """Aim the camera again if a change or a pull has made the scene much larger or smaller."""
+        is_pulled, was_pulled = frame.mode == PULLED, self._was_pulled
+        self._was_pulled = is_pulled
+        is_changed, self._drawn_values = frame.values != self._drawn_values, frame.values
+        if is_changed and (self.fits_change or self._is_out_of_view):
+            # A change of the scene may have moved everything out of the view.
+            self.reset_camera(aim_of(view) if self.aims_change else None)
+            self.forget_change()
+        elif (is_pulled or (is_changed and frame.mode is None)) and not self._held:
+            if not _LEAST_GROWTH < self._growth < _MOST_GROWTH:
+                self._fit_again()
+        elif was_pulled and frame.mode is None:
+            self._fit_again()
 
     def _place_handle(self, cut: Cut | None) -> Cut | None:
         """Put the handle on the clip plane; return the plane where the handle is."""
@@ -435,6 +450,7 @@ class View3D(QWidget):
         points = self._extent
         if points is None:
             return
+        self._aimed_points = points
         if isinstance(name, Viewpoint):
             self._go_to(name)
             return
@@ -488,15 +504,43 @@ class View3D(QWidget):
         if before[:3] == now[:3]:
             self.reset_camera(name)
 
+    def _fit_again(self) -> None:
+        """Fit the scene to the view again, unless the user has moved or zoomed the camera."""
+        if self._preset is None or isinstance(self._preset[0], Viewpoint):
+            return
+        (name, before), now = self._preset, self.viewpoint
+        ago, here = (np.linalg.norm(np.subtract(v.position, v.focus)) for v in (before, now))
+        is_near = np.allclose(now.focus, before.focus, rtol=0.0, atol=1e-6 * ago)
+        if before[:3] == now[:3]:
+            self.reset_camera(name)
+        elif is_near and np.isclose(ago, here, rtol=1e-6):  # the user has turned it
+            self.reset_camera(None)
+
+    @property
+    def _growth(self) -> float:
+        """How much larger the scene is in the view than when the camera was aimed."""
+        points, before = self._extent, self._aimed_points
+        if points is None or before is None:
+            return 1.0
+        now, then = self._project(points), self._project(before)
+        if min(now[:, 3].min(), then[:, 3].min()) <= 0.0:  # something is behind the camera
+            return np.inf
+        sizes = [np.abs(clip[:, :2] / clip[:, 3:]).max() for clip in (now, then)]
+        return float(sizes[0] / sizes[1])
+
     @property
     def _is_out_of_view(self) -> bool:
         """Whether the whole scene lies outside one side of the picture."""
         points = self._extent
         if self._preset is None or points is None:
             return False
-        aspect = max(1, self.canvas.width()) / max(1, self.canvas.height())
-        x, y, _, w = project_points(self.canvas.camera, points, aspect).T
+        x, y, _, w = self._project(points).T
         return any(bool(side.all()) for side in (x < -w, x > w, y < -w, y > w))
+
+    def _project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the clip coordinates of points in the view, (n, 4)."""
+        aspect = max(1, self.canvas.width()) / max(1, self.canvas.height())
+        return project_points(self.canvas.camera, points, aspect)
 
     def set_orthographic(self, on: bool) -> None:
         """Switch between parallel and perspective projection."""

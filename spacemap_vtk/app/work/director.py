@@ -79,8 +79,9 @@ class Director(QObject):
     def request_frame(self, coarse: bool = False) -> None:
         """Request a frame for the present document and time."""
         document, scene, frame = self._document, self._document.scene, self._view.frame
-        # Before the first frame of a scene, the camera is still the former scene's.
-        is_same_scene = frame is not None and frame.generation == self.generation
+        # Before the first frame of a scene or preset, the camera is still the former scene's.
+        is_aimed = frame is not None and frame.generation == self.generation
+        is_aimed = is_aimed and not self._view.aims_change
         self._last_request = FrameRequest(
             values=document.values,
             base=document.base,
@@ -89,7 +90,7 @@ class Director(QObject):
             time=self._times.time,
             coarse=coarse,
             swing=self.swing,
-            camera_view=self._view.camera_view if is_same_scene else None,
+            camera_view=self._view.camera_view if is_aimed else None,
         )
         self._follows_camera = False
         self._is_cancelling = self._was_cancelled = False

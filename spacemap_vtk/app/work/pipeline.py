@@ -28,7 +28,7 @@ from spacemap_vtk.draw.detail.cloth_sheet import ClothSheet
 from spacemap_vtk.draw.detail.facets import FacetChooser, coarse_scale
 from spacemap_vtk.draw.detail.underlay import ClothUnderlay, Underlay
 from spacemap_vtk.draw.detail.yarn_parts import NearYarns
-from spacemap_vtk.draw.frame import Frame, apply_mode_shape, frame_of
+from spacemap_vtk.draw.frame import PULLED, Frame, apply_mode_shape, frame_of
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
 from spacemap_vtk.filters.base import Stage
@@ -157,14 +157,14 @@ class Pipeline:
             frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings, coarse),
             values=request.values,
             coarse=coarse and (surface is self._coarse_tessellator or sheet is not None),
-            mode=None if swing is None else getattr(swing, "mode", -1),
+            mode=None if swing is None else getattr(swing, "mode", PULLED),
             generation=request.generation,
             warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
             motion=None if swing else self._motion_figures(scene, request.coarse),
         )
-        frame = replace(frame, underlay=self._find_underlay(scene, frame.cage, sheet))
         if sheet is not None:
             return self._add_near_yarns(scene, request, frame, sheet)
+        frame = replace(frame, underlay=self._find_underlay(scene, frame.cage, sheet))
         if follows:
             frame = replace(
                 frame,
@@ -272,7 +272,9 @@ class Pipeline:
                 frame, preview=replace(frame.preview, yarns=light_yarns, surroundings=coarse_sheet)
             )
         surroundings = coarsen_sheet(frame.surface, sheet.cells, max(sheet.cells), near.part)
-        return replace(frame, yarns=fine_yarns, surroundings=surroundings)
+        # A sheet has no holes: the dark layer is seen between these yarns only.
+        underlay = self._find_underlay(scene, frame.cage, sheet)
+        return replace(frame, yarns=fine_yarns, surroundings=surroundings, underlay=underlay)
 
     def _add_light_frame(self, scene: Scene, source: Stage, frame: Frame) -> Frame:
         """Add a frame with fewer facets, to be drawn while the camera moves."""
