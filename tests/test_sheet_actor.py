@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import median_filter
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from spacemap_vtk.datasets.arrays import points_of, to_points
@@ -123,6 +124,18 @@ def test_far_cloth_has_the_mean_colour_of_near_cloth(
         for image, edge in ((near, 72), (far, 6))
     ]
     np.testing.assert_allclose(means[1], means[0], atol=3.0)
+
+
+def test_far_cloth_of_one_colour_has_no_dots(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Yarns hidden under long floats have highlights and holes that nothing of near cloth shows.
+    monkeypatch.setattr(level_of_detail, "MANY_PATCHES", 0)
+    weave = {"draft": str(library.folder() / DRAFTS["overshot"]["draft"]), "ends": 48, "picks": 48}
+    colors = {"warp_color": "#1a2a5a", "weft_color": "#1a2a5a"}
+    image, seen = draw((139, 139), {"camera": "three-quarter", "shadows": True}, **weave, **colors)
+    assert seen.sheet is not None
+    assert seen.pieces is None
+    inner = image[35:-35, 35:-35]
+    assert np.abs(inner - median_filter(inner, (3, 3, 1))).max() < 30.0
 
 
 @pytest.mark.nightly

@@ -178,6 +178,10 @@ LIGHTS = (
 def make_renderer() -> vtkRenderer:
     """Return a renderer with lights."""
     renderer = vtkRenderer()
+    if hasattr(renderer, "SetUseOIT"):
+        # VTK would blend translucent surfaces pixel by pixel, so that edges in front of them, which
+        # share pixels with them, would be white.
+        renderer.SetUseOIT(False)
     add_lights(renderer)
     return renderer
 

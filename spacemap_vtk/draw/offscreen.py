@@ -91,12 +91,21 @@ class OffscreenWindow:
 
     def pixels(self) -> Bytes:
         """Return red, green, blue and coverage of each pixel; the next call overwrites them."""
+        # With several samples, the front buffer has the means of their light, and the back buffer
+        # of their colours. Only the latter are proportional to the coverage: edges would otherwise
+        # be too bright over a background.
+        pixels = self._read(self._pixels, self._is_multisampled)
+        if self._is_multisampled:
+            edges = (pixels[..., 3] > 0) & (pixels[..., 3] < 255)
+            if edges.any():
+                pixels[edges] = self._read(vtkUnsignedCharArray(), False)[edges]
+        return pixels
+
+    def _read(self, pixels: vtkUnsignedCharArray, front: bool) -> Bytes:
+        """Read the colours of a buffer."""
         width, height = self.size
-        # With several samples the front buffer is read. The back buffer contains all samples, and
-        # reading it would return their plain mean.
-        front = self._is_multisampled
-        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, self._pixels, 0)
-        return vtk_to_numpy(self._pixels).reshape(height, width, 4)[::-1]
+        self.render_window.GetRGBACharPixelData(0, 0, width - 1, height - 1, front, pixels, 0)
+        return vtk_to_numpy(pixels).reshape(height, width, 4)[::-1]
 
     def depths(self, second: bool = False) -> Singles:
         """Return OpenGL's depths, 1 where empty, in an array that is reused for each `second`."""

@@ -102,7 +102,8 @@ class SceneView:
         #: Height of the ground [m]: the lowest point that has been shown of the scene.
         self.floor = np.inf
         self.cage, self.supports, self.loads = CageActor(), SupportActor(), LoadActor()
-        for actor in (*self.solids, *self.markers, self.planes, self.ghost, self.ground):
+        # Translucent actors are drawn in this order.
+        for actor in (*self.solids, self.planes, self.ground, self.ghost, *self.markers):
             renderer.AddActor(actor)
         # Annotations come first, because their plates are behind the colour scales.
         self.annotations = Annotations(renderer)

@@ -95,16 +95,26 @@ class ClothAppearance:
         self._tilted_drawdown = crop.drawdown[tilted[1], tilted[0]]
         self._drawdowns = [crop.drawdown[picks, ends] for ends, picks in parts]
         self._weaves = [weaves[picks, ends] for ends, picks in parts]
+        #: Crossings of each part that tiles are made of.
+        self._viewed = [each > 0.0 for each in self._weights]
         self._views: dict[tuple[float, float, int], list[VisibleSurface]] = {}
         self._tables: dict[bool, AppearanceTables] = {}
         self._light_shares: dict[tuple[int, bool], Singles] = {}
         self._warp_over = float(cloth.drawdown.mean())
         #: Tile of each crossing of the cloth.
-        self.numbers = self._number_tiles(cloth, crop, weaves)
+        self.numbers = self._number_tiles(cloth, crop, weaves, parts)
 
-    def _number_tiles(self, cloth: Cloth, crop: Cloth, weaves: Ints) -> NDArray[np.uint16]:
+    def _number_tiles(
+        self, cloth: Cloth, crop: Cloth, weaves: Ints, parts: list[tuple[slice, slice]]
+    ) -> NDArray[np.uint16]:
         """Number the tiles; two more stand for local weaves that were not viewed."""
-        seen = np.unique(np.concatenate([each.ravel() for each in self._weaves]))
+        # A tile without any viewed crossing would be a hole. Local weaves that are only found in
+        # the margins are viewed there, except at the borders, where their neighbours are missing.
+        seen = self._viewed_weaves()
+        near_borders = weights_of_crossings(weaves, parts, 1)
+        for viewed, there, weave in zip(self._viewed, near_borders, self._weaves, strict=True):
+            viewed |= (there > 0.0) & ~np.isin(weave, seen)
+        seen = self._viewed_weaves()
         self._tile_of_weave = np.full(int(weaves.max()) + 1, -1)
         self._tile_of_weave[seen] = np.arange(len(seen))
         self._tile_count = len(seen) + 2
@@ -114,6 +124,11 @@ class ClothAppearance:
         missing = numbers < 0
         numbers[missing] = len(seen) + cloth.drawdown[missing]
         return numbers.astype(np.uint16)
+
+    def _viewed_weaves(self) -> Ints:
+        """Return the local weaves with a viewed crossing."""
+        both = zip(self._weaves, self._viewed, strict=True)
+        return np.unique(np.concatenate([weave[viewed] for weave, viewed in both]))
 
     def tables(self, tilted: bool) -> AppearanceTables:
         """Return the tables for all directions, or only for that of the face."""
@@ -236,7 +251,7 @@ class ClothAppearance:
         ends, picks = self._sizes[number]
         drawn = (cells >= 0).all(axis=-1) & (cells < (ends, picks)).all(axis=-1)
         end, pick = np.clip(cells, 0, (ends - 1, picks - 1)).transpose(2, 0, 1)
-        drawn &= self._weights[number][pick, end] > 0.0
+        drawn &= self._viewed[number][pick, end]
         end, pick = end[drawn], pick[drawn]
         weave, upper = self._weaves[number][pick, end], self._drawdowns[number][pick, end]
         return drawn, [self._tile_of_weave[weave], self._tile_count - 2 + upper]
@@ -261,7 +276,7 @@ class ClothAppearance:
                     for k, value in enumerate(values.T):
                         sums[side, ..., k] += np.bincount(place, value, 2 * texels).reshape(-1, 2)
         share = sums / np.maximum(pixels, 1.0)[..., None, None]
-        share[..., :2] = 0.5 + 0.5 * share[..., :2]
+        share[..., :2] = (128.0 + 127.0 * share[..., :2]) / 255.0  # 0 is a whole number of steps
         blocks = [share[side, :, family, :4] for side in (0, 1) for family in (0, 1)]
         blocks.append(share[..., 4].transpose(1, 0, 2).reshape(texels, 4))
         blocks.append(np.zeros((texels, 4)))

@@ -248,7 +248,8 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   ivec2 last = ivec2(crossings) * side - 1;
   ivec2 first = clamp(ivec2(floor((place - reach) * float(side))), ivec2(0), last);
   ivec2 end = clamp(ivec2(floor((place + reach) * float(side))), ivec2(0), last);
-  int block = textureSize(tiles, level).y / 6, face = gl_FrontFacing ? 0 : 2;
+  // Of several levels, Mesa's software renderer returns the same size to neighbouring pixels.
+  int block = (textureSize(tiles, 0).y / 6) >> level, face = gl_FrontFacing ? 0 : 2;
   vec2 texel = 1.0 / (float(side) * reach);
   vec2 start = (place * float(side));
   vec4 normals[2] = vec4[2](vec4(0.0), vec4(0.0));
@@ -272,8 +273,8 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
       vec2 ofFace = gl_FrontFacing ? exposures.xy : exposures.zw;
       vec2 holes = texelFetch(tiles, at + ivec2(0, 5 * block), level).xy;
       vec4 warp = colorsOf(0, crossing, 0), weft = colorsOf(1, crossing, 0);
-      normals[0] += area * vec4(2.0 * ofWarp.xy - 1.0, ofWarp.zw);
-      normals[1] += area * vec4(2.0 * ofWeft.xy - 1.0, ofWeft.zw);
+      normals[0] += area * vec4((255.0 * ofWarp.xy - 128.0) / 127.0, ofWarp.zw);
+      normals[1] += area * vec4((255.0 * ofWeft.xy - 128.0) / 127.0, ofWeft.zw);
       colors[0] += area * ofWarp.w * warp.rgb / max(warp.a, 1e-3);
       colors[1] += area * ofWeft.w * weft.rgb / max(weft.a, 1e-3);
       exposed += area * ofFace;
@@ -291,8 +292,9 @@ vec3 tiledLight(vec2 place, vec2 reach, vec3 hue, vec3 open)
   {
     float share = normals[k].w;
     if (share < 1e-4 * whole) continue;
-    vec3 own = normals[k].xyz / share;
-    vec4 light = reflectedLight(own.x * weft + own.y * warp + own.z * up, eye);
+    vec3 own = normals[k].x * weft + normals[k].y * warp + normals[k].z * up;
+    // Texels of small shares are rounded. A normal longer than 1 would have a white highlight.
+    vec4 light = reflectedLight(own / max(share, length(own)), eye);
     light *= openTo(vec2(exposed[k] / share), shaded).x * vec4(vec3(gainVS[k]), 1.0);
     light.a = mix(light.a, lightVS[k].a, blurred);
     vec3 tone = hue * hueOf(encoded(colors[k] / share));
