@@ -54,7 +54,7 @@ from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.view.pick import Pick
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_bar import ViewBar
-from spacemap_vtk.app.widgets import ElidedLabel, action, column, tool_button
+from spacemap_vtk.app.widgets import ElidedLabel, action, column, show_share, tool_button
 from spacemap_vtk.app.work.director import Director
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.exports import Exports
@@ -73,9 +73,6 @@ from spacemap_vtk.scenes.report import describe_motion, summarise_motion
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import View
 
-#: Highest shown progress of a running stage, in percent: after its last step it may still need
-#: time to join the results.
-_MAX_PROGRESS = 99
 #: How long a status message stays, in ms.
 _MESSAGE_TIME = 10_000
 #: Smallest width of the window in pixels, less than all its panels need together.
@@ -785,9 +782,7 @@ class MainWindow(QMainWindow):
         if section:
             stage = stage_title(section_classes()[section].__name__)
             self.running_label.setText(f"{stage}: {step}" if step else stage)
-            # A stage that reports no progress gets a busy indicator.
-            self.progress_bar.setRange(0, 100 if share > 0.0 else 0)
-            self.progress_bar.setValue(min(int(share * 100), _MAX_PROGRESS))
+            show_share(self.progress_bar, share)
 
 
 def _shorten_warning(warning: str) -> str:

@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
     QHeaderView,
     QLabel,
     QLayout,
+    QProgressBar,
     QSpinBox,
     QTableWidget,
     QToolButton,
@@ -173,6 +174,13 @@ def results_table(headings: Sequence[str]) -> QTableWidget:
     widget.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     widget.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
     return widget
+
+
+def show_share(bar: QProgressBar, share: float) -> None:
+    """Show the share of some work that is done; an unknown share, 0, as a busy indicator."""
+    # After its last step the work may still need time to join the results.
+    bar.setRange(0, 100 if share > 0.0 else 0)
+    bar.setValue(min(int(100 * share), 99))
 
 
 def single_shot(owner: QObject, slot: Callable[[], object], milliseconds: int = 0) -> QTimer:

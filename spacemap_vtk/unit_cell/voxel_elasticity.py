@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.cancel import active_token
 from spacemap_vtk.errors import SolverError
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.parallel import for_each, load_loops
 from spacemap_vtk.unit_cell.mixtures import UPPER, upper_pairs
 
@@ -95,7 +95,7 @@ class VoxelElasticity:
             Residual at the end over that at the start, in the norm of the preconditioner, which is
             near that of the energy. The energies err by its square.
         report_progress : callable, optional
-            Called with the share of loads that are solved.
+            Called with the share of the work that is done.
 
         Returns
         -------
@@ -114,16 +114,19 @@ class VoxelElasticity:
         count = len(loads)
         moved = np.zeros((count, 3, *self._shape), self._number)
         steps = [0] * count
-        done: list[int] = []
+        shares = np.zeros(count)
 
         def solve_load() -> Callable[[int], None]:
             def solve_one(load: int) -> None:
                 left = -self._apply(moved[load], loads[load])
                 energy = np.einsum("zi,zij,zj", loads[load], self._layers, loads[load])
-                steps[load] = self._minimise(moved[load], left, tolerance, energy)
-                done.append(load)
-                if report_progress is not None:
-                    report_progress(len(done) / count)
+
+                def report(share: float) -> None:
+                    shares[load] = max(share, shares[load])
+                    if report_progress is not None:
+                        report_progress(float(shares.mean()))
+
+                steps[load] = self._minimise(moved[load], left, tolerance, energy, report)
 
             return solve_one
 
@@ -193,7 +196,9 @@ class VoxelElasticity:
         work = np.array([np.sum(forces * one, dtype=np.float64) for one in moved])
         return (own + work) / np.prod(self._shape)
 
-    def _minimise(self, moved: Reals, left: Reals, tolerance: float, energy: float) -> int:
+    def _minimise(
+        self, moved: Reals, left: Reals, tolerance: float, energy: float, progress: Progress
+    ) -> int:
         """Solve by conjugate gradients; `left` is the residual, and both change in place."""
         # The energy of the imposed strain shows what is only rounding.
         token = active_token()
@@ -202,10 +207,13 @@ class VoxelElasticity:
         now = _dot(left, better)
         rounding = 10 * np.finfo(self._number).eps
         goal = max(tolerance**2 * now, rounding**2 * energy)
-        direction = better
+        direction, first = better, now
         for step in range(_MOST_STEPS):
             if now <= goal:
+                progress(1.0)
                 return step
+            # Each step divides the residual by about the same number.
+            progress(max(0.0, float(np.log(first / now) / np.log(first / goal))))
             token.check()
             image = self._apply(direction, still)
             length = self._number(now / _dot(direction, image))

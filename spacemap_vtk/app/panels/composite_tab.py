@@ -24,13 +24,22 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.widgets import column, is_dark, narrow, note, results_table, row
+from spacemap_vtk.app.widgets import (
+    column,
+    is_dark,
+    narrow,
+    note,
+    results_table,
+    row,
+    show_share,
+)
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.slices import in_slices
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.filters.unit_cell import UnitCell
 from spacemap_vtk.io.registry import writer_endings
+from spacemap_vtk.ndarrays import Progress
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.unit_cell.materials import FIBRES, MATRICES
 
@@ -72,16 +81,17 @@ class _Result(NamedTuple):
 
 def _compute(
     _drawn: Scene, key: Any, values: Mapping[str, Any], base: Path
-) -> Generator[None, None, _Result]:
+) -> Generator[float | None, None, _Result]:
     """Compute constants and stresses with a scene of its own, so that the drawn one stays."""
 
-    def compute() -> _Result:
+    def compute(progress: Progress) -> _Result:
         from spacemap_vtk.scenes.composite import compute_constants, unit_cell_model
 
         try:
             scene = Scene(values, base)
-            made = compute_constants(scene), unit_cell_model(scene, fields=True)
-            return _Result(key, made, tuple(scene.warnings))
+            constants = compute_constants(scene, progress=lambda share: progress(0.5 * share))
+            model = unit_cell_model(scene, True, lambda share: progress(0.5 + 0.5 * share))
+            return _Result(key, (constants, model), tuple(scene.warnings))
         except Cancelled:
             raise
         except SpacemapError as error:
@@ -149,7 +159,7 @@ class CompositeTab(QWidget):
         self.threshold.valueChanged.connect(self._show_cell)
         for switch in (self.in_view, self.has_slice, self.has_directions):
             switch.toggled.connect(self._show_cell)
-        self.progress_bar = QProgressBar(maximum=0, textVisible=False)
+        self.progress_bar = QProgressBar()
         self.notes = note(_HINT)
         self.table = results_table(_HEADINGS)
         #: Created with the first result, because importing matplotlib takes time.
@@ -174,6 +184,7 @@ class CompositeTab(QWidget):
             spacing=6,
         )
         engine.background_ready.connect(self._receive)
+        engine.background_progressed.connect(self._show_progress)
         document.changed.connect(self._follow_document)
         document.replaced.connect(self._clear)
         self._clear()
@@ -214,11 +225,16 @@ class CompositeTab(QWidget):
             return
         self._requested = self._document.values
         self.run_button.setText("Cancel")
+        show_share(self.progress_bar, 0.0)
         self.progress_bar.show()
         work = partial(
             _compute, key=self._requested, values=self._requested, base=self._document.base
         )
         self._engine.start_background(work)
+
+    def _show_progress(self, share: float) -> None:
+        if self._requested is not None:
+            show_share(self.progress_bar, share)
 
     def _finish(self, text: str) -> None:
         self._requested = None

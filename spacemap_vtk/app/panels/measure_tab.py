@@ -20,12 +20,21 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.document import Document
-from spacemap_vtk.app.widgets import column, is_dark, narrow, note, results_table, row
+from spacemap_vtk.app.widgets import (
+    column,
+    is_dark,
+    narrow,
+    note,
+    results_table,
+    row,
+    show_share,
+)
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.slices import in_slices
 from spacemap_vtk.cancel import Cancelled
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.laboratory.catalogue import TESTS, find_test
+from spacemap_vtk.ndarrays import Progress
 from spacemap_vtk.scenes.laboratory import GIVE_STIFFNESS, TestResult, measure_scene
 from spacemap_vtk.scenes.scene import Scene
 
@@ -53,12 +62,12 @@ class _Result(NamedTuple):
 
 def _measure(
     _drawn: Scene, key: Any, values: Mapping[str, Any], base: Path, name: str
-) -> Generator[None, None, _Result]:
+) -> Generator[float | None, None, _Result]:
     """Run a test with a scene of its own, so that the drawn one stays as it is."""
 
-    def measure() -> _Result:
+    def measure(progress: Progress) -> _Result:
         try:
-            return _Result(key, measure_scene(Scene(values, base), name)[0])
+            return _Result(key, measure_scene(Scene(values, base), name, progress)[0])
         except Cancelled:
             raise
         except SpacemapError as error:
@@ -92,7 +101,7 @@ class MeasureTab(QWidget):
             for text, ending in SAVED.items()
         }
         self.save_button.setMenu(menu)
-        self.progress_bar = QProgressBar(maximum=0, textVisible=False)
+        self.progress_bar = QProgressBar()
         self.hint, self.notes = note(), note()
         #: Gives the yarns a stiffness; shown if a measurement lacks it.
         self.cotton_button = QPushButton("Use yarns of spun cotton")
@@ -119,6 +128,7 @@ class MeasureTab(QWidget):
             spacing=6,
         )
         engine.background_ready.connect(self._receive)
+        engine.background_progressed.connect(self._show_progress)
         document.changed.connect(self._mark_old)
         document.replaced.connect(self._clear)
         self._clear()
@@ -147,11 +157,16 @@ class MeasureTab(QWidget):
         values = self._document.values
         self._requested = name, values
         self.run_button.setText("Cancel")
+        show_share(self.progress_bar, 0.0)
         self.progress_bar.show()
         work = partial(
             _measure, key=self._requested, values=values, base=self._document.base, name=name
         )
         self._engine.start_background(work)
+
+    def _show_progress(self, share: float) -> None:
+        if self._requested is not None:
+            show_share(self.progress_bar, share)
 
     def _finish(self, text: str) -> None:
         self._requested = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ def compute_errors(
 ) -> Generator[float | None, None, ModeErrors]:
     """Solve a scene again in wider cells, and return the errors of its frequencies."""
     # The scene is another one than that which is drawn meanwhile.
-    return in_slices(partial(_compute_errors, values, base))
+    return in_slices(lambda _: _compute_errors(values, base))
 
 
 def _compute_errors(values: Mapping[str, Any], base: Path) -> ModeErrors:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Generator
 from typing import TypeVar
 
 from spacemap_vtk.cancel import CancelToken
+from spacemap_vtk.ndarrays import Progress
 
 Result = TypeVar("Result")
 
@@ -19,15 +20,17 @@ Result = TypeVar("Result")
 _SLICE = 0.04
 
 
-def in_slices(work: Callable[[], Result]) -> Generator[None, None, Result]:
+def in_slices(work: Callable[[Progress], Result]) -> Generator[float | None, None, Result]:
     """Do some work in slices; a generator that is closed cancels it at its next check."""
+    # Yields the share that the work has reported, or None.
     token, results, failures = _SliceToken(), list[Result](), list[BaseException]()
+    shares: list[float | None] = [None]
 
     def run() -> None:
         token.wait_for_turn()
         try:
             with token.active():
-                results.append(work())
+                results.append(work(shares.append))
         except BaseException as error:  # raised again in the caller's thread
             failures.append(error)
         finally:
@@ -37,7 +40,8 @@ def in_slices(work: Callable[[], Result]) -> Generator[None, None, Result]:
     thread.start()
     try:
         while token.give_turn():
-            yield
+            del shares[:-1]
+            yield shares[0]
     finally:
         token.cancel()
         while token.give_turn():

@@ -73,6 +73,8 @@ EASE, BRAKE, FAILED = 0.25, 4.0, 1e-6
 #: A step is good if the energy falls by more than the first share of what is expected, bad if by
 #: less than the second one.
 GOOD, BAD = 0.7, 0.25
+#: Steps after which a stage counts as half done, for the progress.
+USUAL_STEPS = 40
 #: Times that a step is shortened before it fails.
 TRIES = 3
 
@@ -125,10 +127,12 @@ def relax_yarns(
     if held is not None:
         moves[:-2] = ~held[:, None]
     search = _Search(energy, np.flatnonzero(moves), max_steps)
-    for number, stage in enumerate(stages, 1):
-        z = search.run(z, stage)
-        if progress is not None:
-            progress(number / len(stages))
+    # Yarns find their shape, in about half of all steps, in the first stage of full thickness.
+    parts = np.array([1.0 if stage.thickness < 1.0 else len(stages) for stage in stages])
+    parts[np.flatnonzero(parts > 1.0)[1:]] = 1.0
+    begins = np.append(0.0, parts.cumsum()) / parts.sum()
+    for number, stage in enumerate(stages):
+        z = search.run(z, stage, _part_of(progress, *begins[number : number + 2]))
     state = energy.evaluate(z, energy.pairs_within(z, float(energy.samples.diameter.max())))
     ends = np.cumsum([len(yarn.points) for yarn in yarns])[:-1]
     found = [
@@ -137,6 +141,11 @@ def relax_yarns(
     ]
     cell, lengths = z[-2:].copy(), energy.lengths(z)
     return Relaxed(found, cell, state, lengths, largest_overlap(found, cell), search.steps)
+
+
+def _part_of(progress: Progress | None, begin: float, end: float) -> Progress:
+    """Return a function that reports the share of a part as one of the whole."""
+    return lambda share: None if progress is None else progress(begin + share * (end - begin))
 
 
 def relax_again(energy: RodEnergy, z: Floats, free: Bools, max_steps: int = 1000) -> State:
@@ -162,7 +171,7 @@ class _Search:
         self._diameter = float(energy.samples.diameter.max())
         self.steps = 0
 
-    def run(self, z: Floats, stage: Stage) -> Floats:
+    def run(self, z: Floats, stage: Stage, progress: Progress = lambda _: None) -> Floats:
         """Find the place of least energy in a stage."""
         energy = self._energy.softened(stage.stiffness)
         near = _Near(energy, z, stage.thickness * self._diameter, self._diameter)
@@ -171,8 +180,10 @@ class _Search:
         scale = float(state.tangent(1.0).diagonal().max())
         damping, least, most = (share * scale for share in DAMPING)
         level, energies = len(SHARES) - 1, [state.energy]
+        begun = self.steps
         while True:
             cancel.check()
+            progress((self.steps - begun) / (self.steps - begun + USUAL_STEPS))
             force = state.gradient.ravel()[self._active]
             largest = float(abs(force).max())
             if largest <= stage.tolerance * tension:
@@ -210,6 +221,7 @@ class _Search:
                 damping = max(EASE * damping, least)
             small = float(abs(step.move).max()) < EXACT * self._diameter
             level = max(level - 1, 0) if small else len(SHARES) - 1
+        progress(1.0)
         return state.z
 
     def _solve(self, state: State, force: Floats, damping: float, level: int) -> _Step:
