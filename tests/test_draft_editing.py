@@ -49,17 +49,19 @@ def test_examples(module):
 
 @given(st.integers(0, 40), st.integers(1, 9), st.integers(1, 9))
 def test_draws_stay_between_their_shafts_and_can_run_down(count, first, last):
-    for draw in (draws.straight_draw, draws.point_draw, draws.broken_draw):
-        numbers = draw(count, first, last)
+    for kind in ("straight", "point", "broken"):
+        numbers = draws.make_draw(kind, count, first, last)
         assert len(numbers) == count
         assert set(numbers.tolist()) <= {*range(min(first, last), max(first, last) + 1)}
         # Downwards: the same draw with the shafts counted from the other side.
-        np.testing.assert_array_equal(numbers, first + last - draw(count, last, first))
+        np.testing.assert_array_equal(
+            numbers, first + last - draws.make_draw(kind, count, last, first)
+        )
 
 
 def test_broken_draw_cuts_balanced_twill_clean():
     for shafts, run in ((4, 4), (4, 2), (8, 8), (8, 12)):
-        numbers = draws.broken_draw(6 * run, 1, shafts, run)
+        numbers = draws.make_draw("broken", 6 * run, 1, shafts, run)
         half = shafts // 2
         ties = tuple(
             tuple(sorted((t + k) % shafts + 1 for k in range(half))) for t in range(shafts)
@@ -72,7 +74,7 @@ def test_broken_draw_cuts_balanced_twill_clean():
 
 
 def test_advancing_runs_rise_by_one_and_begin_one_higher():
-    runs = draws.advancing_draw(48, 1, 12, run=4).reshape(-1, 4)
+    runs = draws.make_draw("advancing", 48, 1, 12, 4).reshape(-1, 4)
     assert ((np.diff(runs, axis=1) - 1) % 12 == 0).all()
     assert ((np.diff(runs[:, 0]) - 1) % 12 == 0).all()
 
@@ -93,6 +95,22 @@ def test_marks_are_numbers_and_back(loom):
     marks = to_marks(rows, loom.shafts)
     assert from_marks(marks) == rows
     assert count_marks(rows, loom.shafts) == tuple(marks.sum(axis=0).tolist())
+
+
+@given(looms(), st.sampled_from(["shaft", "treadle"]), st.data())
+def test_exchange_of_shafts_or_treadles_keeps_the_cloth(loom, what, data):
+    count = loom.shafts if what == "shaft" else loom.treadles
+    first, second = (data.draw(st.integers(1, count)) for _ in range(2)) if count else (1, 1)
+    exchanged = loom_edits.exchange(loom, what, first, second) if count else loom
+    np.testing.assert_array_equal(exchanged.drawdown(), loom.drawdown())
+    uses = [
+        count_marks(each.threading if what == "shaft" else each.treadling, count)
+        for each in (loom, exchanged)
+    ]
+    order = list(range(count))
+    if count:
+        order[first - 1], order[second - 1] = second - 1, first - 1
+    assert uses[1] == tuple(uses[0][k] for k in order)
 
 
 @given(arrays(bool, st.tuples(st.integers(1, 6), st.integers(2, 6))))
@@ -177,7 +195,7 @@ def test_blocks_are_mirrored_shifted_and_repeated_in_their_grid_only():
     assert upside_down.loom.threading[:5] == ((4,), (3,), (2,), (1,), (1,))
     assert edits.shift(before, ends, 0, 1).loom.threading[:5] == ((2,), (3,), (4,), (1,), (1,))
     assert edits.shift(before, ends, 1, 0).loom.threading[:5] == ((4,), (1,), (2,), (3,), (1,))
-    pointed = edits.fill_with_numbers(before, ends, draws.point_draw(4, 1, 3))
+    pointed = edits.fill_with_numbers(before, ends, draws.make_draw("point", 4, 1, 3))
     assert pointed.loom.threading[:4] == ((1,), (2,), (3,), (2,))
     repeated = edits.repeat_to_end(pointed, ends)
     assert repeated.loom.threading[4:] == pointed.loom.threading[:4]

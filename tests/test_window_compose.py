@@ -189,7 +189,7 @@ def test_pages_and_sweeps_are_made_from_the_menu(
     assert "Draft" in page.read_text()
 
     def fill(dialog: Any) -> None:
-        assert not dialog.run_button.isEnabled()
+        assert not dialog.accept_button.isEnabled()
         dialog.keys[0].setCurrentText("weave.ends")
         dialog.lists[0].setText("4, 6")
         dialog.folder_line.setText(str(tmp_path / "sweep"))

@@ -57,7 +57,10 @@ def test_block_is_copied_from_threading_to_treadling(
     before = grid.shown
     select(qtbot, window, "threading", (2, 1), (4, 4))
     assert grid.selection == Selection("threading", (2, 4), (1, 4))
-    assert draft.hint.text() == "Selected: threading, ends 2–4, shafts 1–4."
+    selected = (
+        "Selected: threading, ends 2–4, shafts 1–4. Drag it to move it, with Ctrl to copy it."
+    )
+    assert draft.hint.text() == selected
     assert grid.shown is before
     qtbot.keyClick(grid, Qt.Key.Key_C, CONTROL)
     assert QApplication.clipboard().text() == ".X..\n..X.\n...X"
@@ -82,6 +85,35 @@ def test_block_is_copied_from_threading_to_treadling(
     assert grid.shown.loom.tieup[:2] == ((2,), (1, 2, 3))
     qtbot.keyClick(grid, Qt.Key.Key_Delete)
     assert grid.shown.loom.tieup[:2] == ((), (3,))
+
+
+def test_selected_block_is_dragged(draft_of: Any, qtbot: Any, twill: Path) -> None:
+    window = draft_of(twill)
+    grid = window.draft.grid
+    view, before = grid.viewport(), grid.shown.loom
+
+    def drag(begin: tuple[int, int], end: tuple[int, int], *keys: Any) -> None:
+        qtbot.mousePress(view, LEFT, *keys, pos=position(window, "threading", *begin))
+        qtbot.mouseMove(view, position(window, "threading", *end))
+        qtbot.mouseRelease(view, LEFT, *keys, pos=position(window, "threading", *end))
+
+    select(qtbot, window, "threading", (1, 1), (2, 2))
+    drag((1, 1), (1, 3))
+    assert grid.shown.loom.threading == ((3,), (4,), *before.threading[2:])
+    assert grid.selection == Selection("threading", (1, 2), (3, 4))
+    assert window.menus.actions["Undo"].text() == "Undo threading: move"
+    # A copy stays within the grid, wherever the mouse goes.
+    drag((2, 4), (8, 1), CONTROL)
+    assert grid.selection == Selection("threading", (7, 8), (1, 2))
+    assert grid.shown.loom.threading == ((3,), (4,), *before.threading[2:6], (1, 3), (2, 4))
+    assert window.document.history.count() == 2
+    # A click within the selection marks a cell, as anywhere else.
+    qtbot.mouseClick(view, LEFT, pos=position(window, "threading", 7, 2))
+    assert grid.selection is None
+    assert grid.shown.loom.threading[6] == (2,)
+    for _ in range(3):
+        window.menus.actions["Undo"].trigger()
+    assert grid.shown.loom == before
 
 
 def test_menus_edit_threads_and_show_what_is_selected(

@@ -26,10 +26,10 @@ def fill_dialog(seen: list[str]) -> None:
         return
     for text in ("nonsense", "3"):
         dialog.fields["floats"].setText(text)
-        seen.append(f"{dialog.save_button.isEnabled()}: {dialog.summary.text()}")
-    dialog.fields["paper"].setCurrentText("letter")
+        seen.append(f"{dialog.accept_button.isEnabled()}: {dialog.summary.text()}")
+    dialog.fields["paper"].setCurrentText("Letter")
     dialog.fields["mono"].setChecked(True)
-    QTest.mouseClick(dialog.save_button, Qt.MouseButton.LeftButton)
+    QTest.mouseClick(dialog.accept_button, Qt.MouseButton.LeftButton)
 
 
 @pytest.mark.nightly

@@ -185,7 +185,7 @@ def test_export_dialog_applies_presets_and_remembers_the_size(
         dialog.width_box.setValue(320)
         dialog.height_box.setValue(200)
         dialog.transparent.setChecked(True)
-        dialog.save_button.click()
+        dialog.accept_button.click()
 
     for name, preset in (("a.png", "4K"), ("b.jpg", "1080p")):
         QTimer.singleShot(50, lambda given=(name, preset): fill(*given))
@@ -292,9 +292,9 @@ def test_film_without_an_encoder_is_neither_proposed_nor_started(
         # Requirements are checked before the export starts.
         dialog.file_line.setText(str(tmp_path / "film.mp4"))
         messages.append(dialog.summary.text())
-        assert dialog.save_button.isEnabled() == encoder
+        assert dialog.accept_button.isEnabled() == encoder
         dialog.file_line.setText(str(tmp_path / "film.avi"))
-        assert not dialog.save_button.isEnabled()
+        assert not dialog.accept_button.isEnabled()
         dialog.reject()
 
     QTimer.singleShot(200, look)
@@ -378,10 +378,10 @@ def test_exported_series_has_the_typed_times(
             dialog.time_lines[name].selectAll()
             QTest.keyClicks(dialog.time_lines[name], text)
         messages.append(dialog.summary.text())
-        assert not dialog.save_button.isEnabled()
+        assert not dialog.accept_button.isEnabled()
         dialog.time_lines["start"].setText("292 ms")
         messages.append(dialog.summary.text())
-        QTest.mouseClick(dialog.save_button, Qt.MouseButton.LeftButton)
+        QTest.mouseClick(dialog.accept_button, Qt.MouseButton.LeftButton)
 
     QTimer.singleShot(50, fill)
     window.menus.actions["Export data…"].trigger()
@@ -528,13 +528,13 @@ def test_typed_size_keeps_its_digits(open_scene: Any, tmp_path: Path) -> None:
         for typed in ("99999", "2400"):
             line.selectAll()
             QTest.keyClicks(line, typed)
-            seen.append((line.text(), dialog.summary.text(), dialog.save_button.isEnabled()))
+            seen.append((line.text(), dialog.summary.text(), dialog.accept_button.isEnabled()))
         # On leaving the box, a number out of range is limited to the range.
         line.selectAll()
         QTest.keyClicks(line, "99999")
         # Sent explicitly, because an inactive window gets no focus events.
         QApplication.sendEvent(dialog.width_box, QFocusEvent(QEvent.Type.FocusOut))
-        seen.append((line.text(), dialog.summary.text(), dialog.save_button.isEnabled()))
+        seen.append((line.text(), dialog.summary.text(), dialog.accept_button.isEnabled()))
         dialog.reject()
 
     QTimer.singleShot(50, fill)

@@ -298,18 +298,18 @@ def _drag_handle(window: Any, number: int, axis: int) -> None:
     wait_until(lambda: settled(window))
 
 
-def test_drop_lets_go_of_the_supports(open_scene: Any, tmp_path: Path) -> None:
+def test_cloth_let_go_falls_on_obstacles(open_scene: Any, tmp_path: Path) -> None:
     window = open_scene()
-    assert not window.tools.drop.isEnabled()
-    assert "obstacle" in window.tools.drop.toolTip()
+    assert not window.tools.let_go.isEnabled()
+    assert "obstacle" in window.tools.let_go.toolTip()
     window.document.set_many("cage", {"divisions": [3, 3, 1]})
     window.document.set("modal", "elements", "sheet")
     ground = [{"shape": "plane", "center": [0, 0, "-1 mm"], "friction": 0.3}]
     window.document.set_many("modal", {"obstacles": ground, "gravity": [0, 0, -9.81]})
     wait_until(lambda: settled(window))
-    assert window.tools.drop.isEnabled()
+    assert window.tools.let_go.isEnabled()
     shown = vtk_to_numpy(window.view.frame.cage.GetPointData().GetArray("displacement")).copy()
-    window.tools.drop.trigger()
+    window.tools.let_go.trigger()
     wait_until(lambda: settled(window))
     # It falls from the state that was shown, which is saved with the scene.
     window.document.save(tmp_path / "dropped.toml")

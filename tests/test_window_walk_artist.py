@@ -87,7 +87,7 @@ def test_artist_makes_a_film_and_an_object(
         replace_text(dialog.time_lines["stop"], "20 ms")
         replace_text(dialog.file_line, str(film))
         assert "frames" in dialog.summary.text()
-        qtbot.mouseClick(dialog.save_button, LEFT)
+        qtbot.mouseClick(dialog.accept_button, LEFT)
 
     fill_in(window.menus.actions["Export film…"], fill_film)
     wait_written(window, film)
@@ -99,7 +99,7 @@ def test_artist_makes_a_film_and_an_object(
 
     def fill_times(dialog: Any) -> None:
         replace_text(dialog.time_lines["stop"], "10 ms")
-        qtbot.mouseClick(dialog.save_button, LEFT)
+        qtbot.mouseClick(dialog.accept_button, LEFT)
 
     fill_in(window.menus.actions["Export data…"], fill_times)
     wait_written(window, model)

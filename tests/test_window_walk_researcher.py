@@ -93,7 +93,7 @@ def test_researcher_compares_cages(
 
     def fill_times(dialog: Any) -> None:
         replace_text(dialog.time_lines["stop"], "20 ms")
-        qtbot.mouseClick(dialog.save_button, LEFT)
+        qtbot.mouseClick(dialog.accept_button, LEFT)
 
     fill_in(window.menus.actions["Export data…"], fill_times)
     wait_written(window, file)

@@ -11,7 +11,15 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QPoint, QSettings, QSize, Qt
-from PySide6.QtGui import QAction, QCloseEvent, QDragEnterEvent, QDropEvent, QResizeEvent
+from PySide6.QtGui import (
+    QAction,
+    QCloseEvent,
+    QDragEnterEvent,
+    QDropEvent,
+    QFont,
+    QFontMetrics,
+    QResizeEvent,
+)
 from PySide6.QtWidgets import (
     QFileDialog,
     QLabel,
@@ -83,6 +91,8 @@ _TAB_GAP = 9
 _TAB_MARGINS = 6
 #: Size of the titles of tabs in a narrow panel, over the usual one.
 _SMALLEST_TITLE = 0.78
+#: Step of that size in points.
+_TITLE_STEP = 0.25
 #: Share of the window's width for the gallery at the first start.
 _GALLERY = 0.36
 #: Factor by which one key press makes lines and points thicker.
@@ -107,10 +117,13 @@ class _Tabs(QTabWidget):
         self.setUsesScrollButtons(True)
         self.setElideMode(Qt.TextElideMode.ElideRight)
 
-    def widths(self) -> list[int]:
-        """Return the widths of the visible tabs in the usual font, in pixels."""
+    def widths(self, font: QFont | None = None) -> list[int]:
+        """Return the widths of the visible tabs in a font, the usual one at first, in pixels."""
+        metrics, gap = (
+            (self.fontMetrics(), _TAB_GAP) if font is None else (QFontMetrics(font), _TAB_MARGINS)
+        )
         titles = (self.tabText(n) for n in range(self.count()) if self.isTabVisible(n))
-        return [self.fontMetrics().horizontalAdvance(title) + _TAB_GAP for title in titles]
+        return [metrics.horizontalAdvance(title) + gap for title in titles]
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._fit_titles()
@@ -125,11 +138,11 @@ class _Tabs(QTabWidget):
         self._fit_titles()
 
     def _fit_titles(self) -> None:
-        widths, font = self.widths(), self.font()
-        margins = len(widths) * _TAB_MARGINS
-        texts = sum(widths) - len(widths) * _TAB_GAP
-        share = (self.width() - margins) / max(texts, 1)
-        font.setPointSizeF(font.pointSizeF() * min(max(share, _SMALLEST_TITLE), 1.0))
+        font = self.font()
+        smallest = _SMALLEST_TITLE * font.pointSizeF()
+        # In steps, because letters are whole pixels wide: their widths do not follow the size.
+        while sum(self.widths(font)) > self.width() and font.pointSizeF() > smallest:
+            font.setPointSizeF(font.pointSizeF() - _TITLE_STEP)
         if font != self.tabBar().font():
             self.tabBar().setFont(font)
 
@@ -419,7 +432,7 @@ class MainWindow(QMainWindow):
         self.tools.setting_changed.connect(self._set_view)
         self.tools.background_chosen.connect(self._set_background)
         self.tools.hang_toggled.connect(self._set_hanging)
-        self.tools.drop_asked.connect(self._drop)
+        self.tools.let_go_asked.connect(self._let_go)
         self.tools.saved_cameras.changed.connect(self._change_cameras)
         self.tools.clip_changed.connect(self._set_clip_plane)
         self.tools.keys.thickness_changed.connect(self._change_thickness)
@@ -538,7 +551,7 @@ class MainWindow(QMainWindow):
             self.stages.select("modal")
         self.properties.select_obstacle(number)
 
-    def _drop(self) -> None:
+    def _let_go(self) -> None:
         """Let go of the supports, so that the cage falls from its shown state onto obstacles."""
         frame = self.view.frame
         if frame is None or frame.cage is None or frame.generation != self.director.generation:
@@ -553,7 +566,9 @@ class MainWindow(QMainWindow):
         self.pull.stop()
         written = {**self._hanging_values, "fixed": "", "start": state}
         self.view.expect_change(aims=False)  # the cage may fall far
-        self._try_change(partial(self.document.set_many, name="drop"), "modal", written)
+        self._try_change(
+            partial(self.document.set_many, name="let go of the supports"), "modal", written
+        )
 
     def apply_preset(self, preset: str, **options: Any) -> None:
         """Let the cloth hang, drape, drop or swing, and state what was assumed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import groupby
 
 from PySide6.QtCore import QEvent, QObject, QSettings, Qt, Signal
 from PySide6.QtGui import QAction, QGuiApplication, QKeyEvent, QKeySequence
@@ -28,8 +29,8 @@ from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_bar import ViewBar
 from spacemap_vtk.app.widgets import single_shot
 from spacemap_vtk.app.work.exports import Exports
+from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.scenes import library
 
 _ENTER_KEYS = Qt.Key.Key_Return, Qt.Key.Key_Enter
 _TAB_KEYS = Qt.Key.Key_Tab, Qt.Key.Key_Backtab
@@ -69,10 +70,10 @@ class Menus(QObject):
         self.recent = menu.addMenu("Recent files")
         self.recent.aboutToShow.connect(self._fill_recent)
         self.scenes = menu.addMenu("Scenes")
-        for kind, names in library.names_by_kind().items():
+        for kind, entries in groupby(thumbnails.entries(), lambda entry: entry.group):
             group = self.scenes.addMenu(kind)
-            for name in names:
-                self._add_action(group, name, None, self._open_named).setData(name)
+            for entry in entries:
+                self._add_action(group, entry.title, None, self._open_named).setData(entry.name)
         menu.addSeparator()
         self._add_action(menu, "Save", keys.Save, files.save)
         self._add_action(menu, "Save as…", "Ctrl+Shift+S", files.save_as)
@@ -107,9 +108,7 @@ class Menus(QObject):
         history.redoTextChanged.connect(lambda name: redo.setText(f"Redo {name}".strip()))
         self._add_action(menu, "Undo list…", None, self._show_undo_list)
         menu.addSeparator()
-        menu.addAction(tools.drop)
         menu.setToolTipsVisible(True)
-        menu.addSeparator()
         self._add_action(menu, "Copy picture", "Ctrl+Shift+C", self._copy_picture)
         fine = self._add_action(menu, "Copy exported picture", None, exports.copy_picture)
         fine.setToolTip("Draw the picture as for a file, with the size of the last export")
@@ -120,6 +119,8 @@ class Menus(QObject):
         for preset in presets:
             menu.addAction(preset)
             self.actions[f"Cloth: {preset.text()}"] = preset
+        menu.addSeparator()
+        menu.addAction(tools.let_go)
         self.time = menu = self._add_menu("&Time")
         self._add_action(menu, "Play or pause", "Space", times.play.click)
         self._add_action(menu, "Go to start", "Home", times.go_to_start)

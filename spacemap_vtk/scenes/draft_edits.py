@@ -180,6 +180,21 @@ def shift(shown: EditableDraft, selection: Selection, right: int, up: int) -> Ed
     return change_block(shown, selection, lambda block: np.roll(block, steps, (0, 1)))
 
 
+def move(
+    shown: EditableDraft, selection: Selection, right: int, up: int, copies: bool = False
+) -> tuple[EditableDraft, Selection]:
+    """Move a block, or a copy, over columns and rows within its panel; return also its place."""
+    whole = select_all(shown, selection.panel)
+    right = min(max(right, 1 - selection.x[0]), whole.x[1] - selection.x[1])
+    up = min(max(up, 1 - selection.y[0]), whole.y[1] - selection.y[1])
+    corners = ((x + right, y + up) for x, y in zip(selection.x, selection.y, strict=True))
+    placed, block = Selection.between(selection.panel, *corners), read_block(shown, selection)
+    # A thread has always a colour, so colours are copied.
+    if not copies and selection.panel not in STRIPS:
+        shown = clear(shown, selection)
+    return change_block(shown, placed, lambda _: block), placed
+
+
 def paste(
     shown: EditableDraft, selection: Selection, block: NDArray, overlay: bool = False
 ) -> EditableDraft:
@@ -365,6 +380,11 @@ def weave_as_drawn_in(shown: EditableDraft) -> EditableDraft:
 def reduce_loom(shown: EditableDraft) -> EditableDraft:
     """Weave the same cloth with the fewest shafts and treadles, numbered as they are first used."""
     return shown.with_loom(Loom.from_drawdown(shown.drawdown))
+
+
+def exchange(shown: EditableDraft, what: str, first: int, second: int) -> EditableDraft:
+    """Exchange two shafts or treadles; the cloth stays the same."""
+    return shown.with_loom(loom_edits.exchange(shown.loom, what, first, second))
 
 
 def color_as_warp(shown: EditableDraft) -> EditableDraft:

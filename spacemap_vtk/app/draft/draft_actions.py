@@ -12,14 +12,15 @@ from PySide6.QtCore import QObject, QPoint, Qt, Signal
 from PySide6.QtGui import QAction, QGuiApplication, QKeySequence
 from PySide6.QtWidgets import QDialog, QInputDialog, QMenu, QMenuBar
 
-from spacemap_vtk.app.draft.draft_dialogs import DrawDialog, RepeatDialog
+from spacemap_vtk.app.draft.draft_dialogs import DrawDialog, ExchangeDialog, RepeatDialog
 from spacemap_vtk.app.draft.draft_view import DraftGrid
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.ndarrays import Ints
 from spacemap_vtk.scenes import draft_edits as edits
 from spacemap_vtk.scenes.draft_edits import PANEL_NAMES, STRIPS, Selection
 from spacemap_vtk.scenes.editable_draft import EditableDraft
-from spacemap_vtk.textile.drafts import blocks, draws
+from spacemap_vtk.textile.drafts import blocks
+from spacemap_vtk.textile.drafts.draws import make_draw
 from spacemap_vtk.textile.drafts.patterns import GRAMMAR
 
 #: Grids of marks, and those with a number for each end or pick.
@@ -137,12 +138,9 @@ class DraftActions(QObject):
 
     def _add_fills(self, menu: QMenu) -> None:
         drawn = _Use(_DRAWN)
-        for name, draw in (
-            ("Straight draw", draws.straight_draw),
-            ("Point draw", draws.point_draw),
-            ("Broken draw", draws.broken_draw),
-        ):
-            self._add(menu, name, partial(self._fill, name, draw), None, drawn)
+        for kind in ("straight", "point", "broken"):
+            name = f"{kind.capitalize()} draw"
+            self._add(menu, name, partial(self._fill, kind), None, drawn)
         self._add(menu, "Draw…", self._ask_draw, "Ctrl+Shift+D", drawn)
         self._add(menu, "Network…", self._ask_network, None, drawn)
         menu.addSeparator()
@@ -209,6 +207,8 @@ class DraftActions(QObject):
             undo_name = name[0].lower() + name[1:]
             action = self._add(menu, name, partial(self._change, undo_name, edit))
             action.setToolTip(about)
+        for what in ("shaft", "treadle"):
+            self._add(menu, f"Exchange {what}s…", partial(self._ask_exchange, what))
         menu.setToolTipsVisible(True)
 
     def add_to(self, bar: QMenuBar, before: QAction) -> None:
@@ -360,10 +360,11 @@ class DraftActions(QObject):
         count = target.threads.stop - target.threads.start
         return count, target.places if last > first else whole.places, whole.places[1]
 
-    def _fill(self, name: str, draw: Callable[[int, int, int], Ints]) -> None:
+    def _fill(self, kind: str) -> None:
         if self._grid.shown is not None and self._grid.place.panel in _DRAWN:
             count, places, _ = self._drawn_places()
-            self._fill_numbers(name.lower(), draw(count, *places), self._grid.target)
+            numbers = make_draw(kind, count, *places)
+            self._fill_numbers(f"{kind} draw", numbers, self._grid.target)
 
     def _fill_numbers(self, name: str, numbers: Ints, place: Selection) -> None:
         self._apply(name, partial(edits.fill_with_numbers, numbers=numbers), place)
@@ -430,6 +431,21 @@ class DraftActions(QObject):
 
     def _delete(self, family: int | None = None) -> None:
         self._change_threads("delete", edits.delete_threads, self._threads(family))
+
+    def _ask_exchange(self, what: str) -> None:
+        grid = self._grid
+        if grid.shown is None:
+            return
+        loom = grid.shown.loom
+        count = loom.shafts if what == "shaft" else loom.treadles
+        first, last = grid.place.places if grid.selection is not None else (1, 2)
+        dialog = ExchangeDialog(grid.window(), what, count, (min(first, count), min(last, count)))
+        if dialog.exec() == QDialog.DialogCode.Accepted:
+            first, last = (field.value() for field in dialog.numbers)
+            self._change(
+                f"exchange {what}s {first} and {last}",
+                lambda shown: edits.exchange(shown, what, first, last),
+            )
 
     def _ask_insert(self, family: int | None = None) -> None:
         family, part = self._threads(family)

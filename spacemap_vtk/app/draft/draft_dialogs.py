@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QDialog,
-    QDialogButtonBox,
-    QFormLayout,
-    QLabel,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QLabel, QWidget
 
-from spacemap_vtk.app.widgets import CountBox, mark_bad, note
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.app.form_dialog import FormDialog
+from spacemap_vtk.app.widgets import CountBox
 from spacemap_vtk.ndarrays import Ints
-from spacemap_vtk.textile.drafts import draws
+from spacemap_vtk.textile.drafts.draws import make_draw
 
 #: Most numbers in the preview of a draw.
 _MAX_PREVIEW = 32
@@ -26,58 +17,32 @@ _MAX_PREVIEW = 32
 
 @dataclass(frozen=True)
 class _Draw:
-    """A kind of draw: its fields besides the first and last shaft, and how it is computed."""
+    """A draw with its fields besides the first and last shaft."""
 
-    make: Callable[..., Ints]
+    kind: str
     #: Label and default of each further argument; 0: the number of shafts.
     fields: tuple[tuple[str, int], ...] = ()
     about: str = ""
 
 
 _DRAWS = {
-    "Straight": _Draw(draws.straight_draw, about="In order, again and again."),
-    "Point": _Draw(draws.point_draw, about="There and back; the turning threads are not doubled."),
+    "Straight": _Draw("straight", about="In order, again and again."),
+    "Point": _Draw("point", about="There and back; the turning threads are not doubled."),
     "Broken": _Draw(
-        draws.broken_draw,
+        "broken",
         (("Threads in a run", 0),),
         "Up, then down from half the shafts away: herringbone. Runs of 2 on 4 shafts: 1 2 4 3.",
     ),
     "Advancing": _Draw(
-        draws.advancing_draw,
+        "advancing",
         (("Threads in a run", 4), ("Advance by", 1)),
         "Rising runs, each of which begins a little higher.",
     ),
-    "With a step": _Draw(draws.straight_draw, (("Step", 2),), "Over shafts, as for satins."),
+    "With a step": _Draw("straight", (("Step", 2),), "Over shafts, as for satins."),
 }
 
 
-class _FormDialog(QDialog):
-    """A dialog with a form, a note and buttons."""
-
-    def __init__(self, parent: QWidget | None, title: str) -> None:
-        super().__init__(parent, windowTitle=title)
-        self.form = QFormLayout(self)
-        self.form.setContentsMargins(16, 16, 16, 12)
-        self.summary = note("", "note")
-        self.summary.setMinimumSize(330, 4 * self.summary.fontMetrics().lineSpacing())
-        standard = QDialogButtonBox.StandardButton
-        self.buttons = QDialogButtonBox(standard.Ok | standard.Cancel)
-        self.buttons.accepted.connect(self.accept)
-        self.buttons.rejected.connect(self.reject)
-
-    def finish(self) -> None:
-        """Add the note and the buttons below the fields."""
-        self.form.addRow(self.summary)
-        self.form.addRow(self.buttons)
-
-    def show_summary(self, text: str, bad: bool = False) -> None:
-        """Show a text about the fields; a bad one forbids OK."""
-        mark_bad(self.summary, bad)
-        self.buttons.button(QDialogButtonBox.StandardButton.Ok).setEnabled(not bad)
-        self.summary.setText(text)
-
-
-class DrawDialog(_FormDialog):
+class DrawDialog(FormDialog):
     """Ask for the draw of ends or picks."""
 
     def __init__(
@@ -99,7 +64,7 @@ class DrawDialog(_FormDialog):
         for label, field in zip(self.labels, self.extra, strict=True):
             self.form.addRow(label, field)
         for field in (self.first, self.last, *self.extra):
-            field.valueChanged.connect(self._preview)
+            field.valueChanged.connect(self.update_summary)
         self.kind.currentTextChanged.connect(self._show_fields)
         self.finish()
         self._show_fields()
@@ -109,7 +74,8 @@ class DrawDialog(_FormDialog):
         """Shaft or treadle of each thread."""
         draw = _DRAWS[self.kind.currentText()]
         extra = (field.value() for field, _ in zip(self.extra, draw.fields, strict=False))
-        return draw.make(self._count, self.first.value(), self.last.value(), *extra)
+        places = self.first.value(), self.last.value()
+        return make_draw(draw.kind, self._count, *places, *extra)
 
     def _show_fields(self) -> None:
         fields = _DRAWS[self.kind.currentText()].fields
@@ -122,20 +88,17 @@ class DrawDialog(_FormDialog):
                 field.setMinimum(min(default, 1))
                 field.setSpecialValueText("" if default else "as many as shafts")
                 field.setValue(default)
-        self._preview()
+        self.update_summary()
 
-    def _preview(self) -> None:
-        try:
-            numbers = self.numbers.tolist()
-        except SpacemapError as error:
-            self.show_summary(str(error), bad=True)
-            return
+    def describe(self) -> str:
+        """Describe the draw, and return the first of its numbers."""
+        numbers = self.numbers.tolist()
         more = " …" if len(numbers) > _MAX_PREVIEW else ""
         words = " ".join(map(str, numbers[:_MAX_PREVIEW]))
-        self.show_summary(f"{_DRAWS[self.kind.currentText()].about}\n{words}{more}")
+        return f"{_DRAWS[self.kind.currentText()].about}\n{words}{more}"
 
 
-class RepeatDialog(_FormDialog):
+class RepeatDialog(FormDialog):
     """Ask how often ends or picks are repeated."""
 
     def __init__(self, parent: QWidget | None, count: int, what: str) -> None:
@@ -146,12 +109,32 @@ class RepeatDialog(_FormDialog):
         self.mirrored.setToolTip("The thread at each turn stands only once")
         self.form.addRow("Times", self.times)
         self.form.addRow(self.mirrored)
-        self.times.valueChanged.connect(self._preview)
-        self.mirrored.toggled.connect(self._preview)
+        self.times.valueChanged.connect(self.update_summary)
+        self.mirrored.toggled.connect(self.update_summary)
         self.finish()
-        self._preview()
 
-    def _preview(self) -> None:
+    def describe(self) -> str:
+        """Return the number of threads."""
         step = self._count - self.mirrored.isChecked()
         count = self._count + step * (self.times.value() - 1)
-        self.show_summary(f"{self._count} {self._what} become {count}; those after them move on.")
+        return f"{self._count} {self._what} become {count}; those after them move on."
+
+
+class ExchangeDialog(FormDialog):
+    """Ask which shafts or treadles are exchanged."""
+
+    def __init__(
+        self, parent: QWidget | None, what: str, count: int, proposal: tuple[int, int]
+    ) -> None:
+        super().__init__(parent, f"Exchange {what}s", "Exchange")
+        self._what = what
+        self.numbers = tuple(CountBox(minimum=1, maximum=count, value=n) for n in proposal)
+        for label, field in zip((what.capitalize(), "and"), self.numbers, strict=True):
+            self.form.addRow(label, field)
+            field.valueChanged.connect(self.update_summary)
+        self.finish()
+
+    def describe(self) -> str:
+        """Return what changes."""
+        rows = "threading" if self._what == "shaft" else "treadling"
+        return f"They change places in the {rows} and in the tie-up, so the cloth stays the same."

@@ -390,6 +390,7 @@ class DraftTab(QWidget):
         """Show a text, or what is selected, or how to edit."""
         if not text and self.grid.selection is not None:
             text = f"Selected: {self.commands.describe()}."
+            text += " Drag it to move it, with Ctrl to copy it." * self.grid.is_movable
         self.hint.setText(text or _HINT)
 
     def _show_counts_view(self) -> None:

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QAbstractScrollArea, QFrame, QScrollBar
 
 from spacemap_vtk.app.draft.draft_layout import GAP, STRIP, DraftLayout, GridCell, fit_cell_size
 from spacemap_vtk.app.draft.draft_painter import DraftColors, DraftPainter
-from spacemap_vtk.app.draft.strokes import Stroke
+from spacemap_vtk.app.draft.strokes import Move, Stroke
 from spacemap_vtk.app.widgets import is_dark
 from spacemap_vtk.ndarrays import Bools
 from spacemap_vtk.scenes.draft_edits import STRIPS, Selection, is_inside, select_all
@@ -83,7 +83,7 @@ class DraftGrid(QAbstractScrollArea):
         self._fits_view = True
         #: Cell that was used last, for menus: the mouse leaves the grid on its way to them.
         self._last_place: GridCell | None = None
-        self._stroke: Stroke | None = None
+        self._stroke: Stroke | Move | None = None
         self._last_cell: GridCell | None = None
         self._highlighted: GridCell | None = None
         self._picture: QImage | None = None
@@ -270,7 +270,7 @@ class DraftGrid(QAbstractScrollArea):
         painter.end()
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Start a stroke or a selection; with Ctrl, pick the colour of a strip."""
+        """Start a stroke, a selection or a move of it; with Ctrl, pick the colour of a strip."""
         cell = self._cell_at(event.position())
         if event.button() != Qt.MouseButton.LeftButton or self.shown is None:
             return
@@ -279,6 +279,30 @@ class DraftGrid(QAbstractScrollArea):
             self.select(None)
             return
         self._last_place = cell
+        extends = bool(keys & Qt.KeyboardModifier.ShiftModifier)
+        copies = bool(keys & Qt.KeyboardModifier.ControlModifier)
+        if not extends and self._can_move(cell):
+            assert self.selection is not None
+            self._stroke, self._last_cell = Move(self.shown, self.selection, cell, copies), cell
+        else:
+            self._press(cell, keys)
+
+    @property
+    def is_movable(self) -> bool:
+        """Whether the selected block can be dragged: not in the drawdown of a loom."""
+        if self.selection is None or self.shown is None:
+            return False
+        return self.selection.panel != "drawdown" or self.shown.is_pattern
+
+    def _can_move(self, cell: GridCell | None) -> bool:
+        """Return whether a drag from a cell moves the selected block."""
+        if cell is None or self.selection is None or not self.is_movable:
+            return False
+        return self.selection.contains(Selection.between(cell.panel, cell[1:], cell[1:]))
+
+    def _press(self, cell: GridCell, keys: Qt.KeyboardModifier) -> None:
+        """Start a stroke or a selection at a cell."""
+        assert self.shown is not None
         extends = bool(keys & Qt.KeyboardModifier.ShiftModifier)
         if extends or self.selects:
             self._begin_selection(cell, extends)
@@ -347,7 +371,11 @@ class DraftGrid(QAbstractScrollArea):
                 self._extend_selection(nearest)
             return
         if self._stroke is None:
-            self._highlight(self._cell_at(event.position()))
+            under = self._cell_at(event.position())
+            self._highlight(under)
+            moves = self._can_move(under)
+            shape = Qt.CursorShape.SizeAllCursor if moves else Qt.CursorShape.ArrowCursor
+            self.viewport().setCursor(shape)
             return
         cell = self._cell_at(event.position(), self._stroke.panel)
         if cell is None or self._last_cell is None:
@@ -364,6 +392,11 @@ class DraftGrid(QAbstractScrollArea):
         """End a stroke."""
         if event.button() != Qt.MouseButton.LeftButton:
             return
+        if isinstance(self._stroke, Move) and not self._stroke.has_moved:
+            # A click, which begins anew.
+            self._stroke = None
+            if self._last_cell is not None:
+                self._press(self._last_cell, event.modifiers())
         self._is_selecting = False
         if self._stroke is not None:
             self._end_stroke()
@@ -516,6 +549,8 @@ class DraftGrid(QAbstractScrollArea):
             self.shown, self._floats = shown, None
             self._update_scroll_range()
             self.repaint_all()
+            if self._stroke.place is not None:
+                self.select(self._stroke.place)
             self.edited.emit(shown, self._stroke.name, True)
 
     def _highlight(self, cell: GridCell | None) -> None:

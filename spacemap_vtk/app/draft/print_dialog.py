@@ -5,38 +5,37 @@ from __future__ import annotations
 from typing import Any
 
 from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QDialog,
-    QDialogButtonBox,
-    QFormLayout,
-    QLineEdit,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QWidget
 
-from spacemap_vtk.app.widgets import mark_bad, note
+from spacemap_vtk.app.form_dialog import FormDialog
 from spacemap_vtk.draw.draft_print.settings import PrintSettings, local_paper
-from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.parameters import AUTOMATIC, Choice, Flag
 from spacemap_vtk.textile.drafts.draft import Draft
 
 #: Settings that are kept for the next draft, with this prefix of their keys.
 _KEPT, _KEY = ("paper", "start", "mono"), "print/"
+#: Labels of settings and choices, where those for commands are shorter than usual in dialogs.
+_LABELS = {
+    AUTOMATIC: "Automatic",
+    "cell": "Least side of a cell",
+    "floats": "Mark floats over",
+    "start": "End 1 and pick 1",
+    "mono": "Black and white",
+    "bottom-left": "At the bottom left",
+    "top-right": "At the top right",
+}
 #: Settings that the dialog does not ask for.
 _HIDDEN = ("pages",)
 
 
-class PrintDialog(QDialog):
+class PrintDialog(FormDialog):
     """Ask how a draft is printed."""
 
     def __init__(self, parent: QWidget | None, draft: Draft) -> None:
-        super().__init__(parent, windowTitle="Print draft")
+        super().__init__(parent, "Print draft", "Save as PDF…")
         self._draft = draft
         #: Editor of each setting.
         self.fields: dict[str, QWidget] = {}
-        form = QFormLayout(self)
-        form.setContentsMargins(16, 16, 16, 12)
         for parameter in PrintSettings.parameters.values():
             if parameter.name in _HIDDEN:
                 continue
@@ -45,29 +44,20 @@ class PrintDialog(QDialog):
             field: QWidget
             if isinstance(parameter, Choice):
                 field = QComboBox()
-                field.addItems([*([AUTOMATIC] if parameter.automatic else []), *parameter.choices])
+                for word in (*([AUTOMATIC] if parameter.automatic else []), *parameter.choices):
+                    field.addItem(_LABELS.get(word, word.replace("-", " ").capitalize()), word)
                 usual = local_paper() if parameter.name == "paper" else parameter.default
-                field.setCurrentText(str(kept or usual or AUTOMATIC))
-                field.currentTextChanged.connect(self._check)
+                field.setCurrentIndex(field.findData(kept or usual or AUTOMATIC))
+                field.currentIndexChanged.connect(self.update_summary)
             elif isinstance(parameter, Flag):
                 field = QCheckBox(checked=kept == "true")
             else:
                 field = QLineEdit(placeholderText=default)
-                field.textChanged.connect(self._check)
+                field.textChanged.connect(self.update_summary)
             field.setToolTip(f"{parameter.help}\n\nAllowed: {parameter.allowed}.")
-            form.addRow(parameter.label, field)
+            self.form.addRow(_LABELS.get(parameter.name, parameter.label), field)
             self.fields[parameter.name] = field
-        self.summary = note("", "note")
-        self.summary.setMinimumSize(360, 3 * self.summary.fontMetrics().lineSpacing())
-        button = QDialogButtonBox.StandardButton
-        buttons = QDialogButtonBox(button.Save | button.Cancel)
-        buttons.accepted.connect(self.accept)
-        buttons.rejected.connect(self.reject)
-        self.save_button = buttons.button(button.Save)
-        self.save_button.setText("Save as PDF…")
-        form.addRow(self.summary)
-        form.addRow(buttons)
-        self._check()
+        self.finish()
 
     @property
     def settings(self) -> PrintSettings:
@@ -76,7 +66,7 @@ class PrintDialog(QDialog):
         for name, field in self.fields.items():
             value: Any
             if isinstance(field, QComboBox):
-                value = field.currentText()
+                value = field.currentData()
             elif isinstance(field, QCheckBox):
                 value = field.isChecked()
             else:
@@ -93,15 +83,9 @@ class PrintDialog(QDialog):
             QSettings().setValue(_KEY + name, str(value).lower())
         super().accept()
 
-    def _check(self) -> None:
-        """Describe what is printed, or explain why it is not possible."""
-        try:
-            settings = self.settings
-            part, _ = settings.select(self._draft)
-            settings.limits(part)
-            text, bad = "{} ends and {} picks.".format(*part.size), False
-        except SpacemapError as error:
-            text, bad = str(error), True
-        mark_bad(self.summary, bad)
-        self.save_button.setEnabled(not bad)
-        self.summary.setText(text)
+    def describe(self) -> str:
+        """Return the size of what is printed."""
+        settings = self.settings
+        part, _ = settings.select(self._draft)
+        settings.limits(part)
+        return "{} ends and {} picks.".format(*part.size)

@@ -1,4 +1,4 @@
-"""Apply strokes of the mouse to a draft, cell by cell."""
+"""Apply strokes of the mouse to a draft, cell by cell, and moves of its selected block."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from PySide6.QtGui import QColor
 
 from spacemap_vtk.app.draft.draft_layout import GridCell
-from spacemap_vtk.scenes.draft_edits import PANEL_NAMES
+from spacemap_vtk.scenes.draft_edits import PANEL_NAMES, Selection, move
 from spacemap_vtk.scenes.editable_draft import EditableDraft
 from spacemap_vtk.textile.drafts.loom import Loom
 
@@ -20,6 +20,9 @@ class Stroke:
 
     # The first cell decides: if it has a mark, the stroke removes marks, otherwise it sets marks.
     # An end is on one shaft and a pick on one treadle, unless `several`.
+
+    #: Where the selected block is now; a stroke leaves nothing selected.
+    place: Selection | None = None
 
     def __init__(self, shown: EditableDraft, cell: GridCell, several: bool, color: QColor) -> None:
         self.panel = cell.panel
@@ -60,6 +63,27 @@ class Stroke:
         colors = colors.copy()
         colors[index] = np.array(self._color, dtype=np.uint8)
         return shown.with_colors(self.panel, colors)
+
+
+class Move:
+    """A drag of the selected block, or of a copy of it."""
+
+    def __init__(
+        self, shown: EditableDraft, selection: Selection, cell: GridCell, copies: bool
+    ) -> None:
+        self.panel = cell.panel
+        self.name = f"{PANEL_NAMES[cell.panel]}: {'copy' if copies else 'move'}"
+        self._begin = shown, selection, cell, copies
+        self.place: Selection | None = selection
+        #: Whether it was dragged to another cell, and perhaps back.
+        self.has_moved = False
+
+    def apply(self, _shown: EditableDraft, cell: GridCell) -> EditableDraft:
+        """Return the first draft with the block moved as far as the mouse."""
+        self.has_moved = True
+        shown, selection, begin, copies = self._begin
+        moved, self.place = move(shown, selection, cell.x - begin.x, cell.y - begin.y, copies)
+        return moved
 
 
 def _marks_of(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QGuiApplication, QPalette, QShowEvent, QTextOption
+from PySide6.QtGui import QGuiApplication, QPalette, QResizeEvent, QShowEvent, QTextOption
 from PySide6.QtWidgets import (
     QComboBox,
     QFrame,
@@ -51,6 +51,8 @@ _REED_UNITS = {"metric": "/10cm", "imperial": "dpi"}
 #: Groups of fields that are folded at first.
 _FOLDED = ("Loom", "Finishing")
 _HINT = "A number without a unit is in {}; empty fields are automatic."
+#: Least width of the tab for two columns of fields, in pixels.
+_TWO_COLUMNS = 390
 #: Tables with more columns are written small, with samples of colours in place of their codes.
 _FEW_COLUMNS = 4
 _COLOR = re.compile("#[0-9a-f]{6}")
@@ -125,6 +127,19 @@ class PlanTab(QWidget):
         super().showEvent(event)
         self._rest_timer.start()
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Put the fields in two columns if there is room, otherwise in one."""
+        super().resizeEvent(event)
+        self._arrange(2 if event.size().width() >= _TWO_COLUMNS else 1)
+
+    def _arrange(self, columns: int) -> None:
+        for grid, pairs in self._grids:
+            grid.setColumnStretch(3, columns - 1)
+            for number, (label, field) in enumerate(pairs):
+                line, place = divmod(number, columns)
+                grid.addWidget(label, line, 2 * place)
+                grid.addWidget(field, line, 2 * place + 1)
+
     def changeEvent(self, event: QEvent) -> None:
         """Show the plan again in the colours of another theme."""
         super().changeEvent(event)
@@ -142,23 +157,26 @@ class PlanTab(QWidget):
             if parameter.name != "units":
                 groups.setdefault(parameter.group, []).append(parameter)
         page, parts = QWidget(), []
+        #: Labels and fields of each group, and their layout.
+        self._grids: list[tuple[QGridLayout, list[tuple[QLabel, QWidget]]]] = []
         for title, parameters in groups.items():
             body = QWidget()
             grid = QGridLayout(body, horizontalSpacing=6, verticalSpacing=3)
             grid.setContentsMargins(0, 0, 0, 4)
-            for number, parameter in enumerate(parameters):
+            grid.setColumnStretch(1, 1)
+            pairs = []
+            for parameter in parameters:
                 label = QLabel(parameter.label)
                 field = self._make_field(parameter)
                 label.setBuddy(field)
                 label.setToolTip(field.toolTip())
-                grid.addWidget(label, number // 2, number % 2 * 2)
-                grid.addWidget(field, number // 2, number % 2 * 2 + 1)
-            grid.setColumnStretch(1, 1)
-            grid.setColumnStretch(3, 1)
+                pairs.append((label, field))
+            self._grids.append((grid, pairs))
             group = RowGroup(title)
             group.rows.append(body)
             group.lay_out(title in _FOLDED)
             parts.append(group)
+        self._arrange(2)
         column(page, *parts, None, margins=(0, 0, 8, 0), spacing=2)
         return page
 

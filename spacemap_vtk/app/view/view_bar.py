@@ -48,8 +48,18 @@ _CAMERA_KEYS = {
 }
 #: Largest width of the colour choice in pixels.
 _MAX_COLORING_WIDTH = 220
+#: Letters of the colour choice that fit into the narrowest bar: those of "Own colours".
+_COLORING_LETTERS = 9
 #: Mark of a menu, shown if there is room.
 _MENU_MARK = " ▾"
+#: Whether the label of the colour choice, the marks of menus and a button for each part are shown;
+#: the first line that fits is used. Without buttons for parts there is a menu of them.
+_LAYOUTS = (
+    (True, True, True),
+    (False, True, True),
+    (False, True, False),
+    (False, False, False),
+)
 #: Normal of the first clip plane.
 _ACROSS = (-1.0, 0.0, 0.0)
 
@@ -63,7 +73,7 @@ class ViewBar(QToolBar):
     background_chosen = Signal(object, object)
     #: Whether the motion shall start from the equilibrium under the loads.
     hang_toggled = Signal(bool)
-    drop_asked = Signal()
+    let_go_asked = Signal()
     #: Normal and origin of the clip plane; None for no plane, or for an automatic origin.
     clip_changed = Signal(object, object)
 
@@ -76,10 +86,9 @@ class ViewBar(QToolBar):
         more.setText("»")
         more.setToolTip("More tools")
         self._view = view
-        #: Actions that open menus, and how many of the bar's reading aids are left out for lack of
-        #: room; see `resizeEvent`.
+        #: Actions that open menus.
         self._menus: list[QAction] = []
-        self._omitted = 0
+        self._shown = _LAYOUTS[0]
         self._possible: list[str] = []
         #: Those of `_WINDOW_PARTS` that the scene requires.
         self._required: list[str] = []
@@ -92,20 +101,24 @@ class ViewBar(QToolBar):
             if name in _WINDOW_PARTS:  # only in the menu, as the bar has no room
                 setattr(view.options, name, QSettings().value(name) != "false")
                 shown.setChecked(getattr(view.options, name))
-            else:
-                self.addAction(shown)
-                if role:
-                    self.eye_actions[role] = shown
+            elif role:
+                self.eye_actions[role] = shown
             self.part_actions[name] = shown
+        self._parts = QToolBar()
+        self._parts.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        self._parts.addActions([a for n, a in self.part_actions.items() if n not in _WINDOW_PARTS])
+        self._parts_action = self.addWidget(self._parts)
+        self._add_menu("Show", "Parts that are shown").addActions([*self.part_actions.values()])
+        self._menus[0].setVisible(False)
         self.hang = action(self, "Hang", self.hang_toggled, "H", _HANG, checkable=True)
         self.addAction(self.hang)
         #: Only in the menu, as the bar has no room.
-        self.drop = action(self, "Drop", lambda _: self.drop_asked.emit(), "Shift+H")
-        # The box starts narrow, so that the whole bar fits into a window of 1280 pixels, and grows
-        # if there is room.
-        self.coloring = narrow(QComboBox(toolTip="Colour by"), 1)
+        self.let_go = action(
+            self, "Let go of the supports", lambda _: self.let_go_asked.emit(), "Shift+H"
+        )
+        # The box starts narrow, and grows if there is room.
+        self.coloring = narrow(QComboBox(toolTip="Colour by"), _COLORING_LETTERS)
         self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-        self.coloring.setMaximumWidth(_MAX_COLORING_WIDTH)
         #: The same choices as menu actions, for windows too narrow for the box.
         self.colorings: dict[str, QAction] = {}
         group = QActionGroup(self)
@@ -131,7 +144,8 @@ class ViewBar(QToolBar):
         named.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._label = QLabel("Colour by")
         self._label.setBuddy(self.coloring)
-        row(named, self._label, self.coloring, margins=(4, 0, 4, 0))
+        row(named, self._label, (self.coloring, 1), margins=(4, 0, 4, 0))
+        named.setMaximumWidth(self._label.sizeHint().width() + _MAX_COLORING_WIDTH)
         self.addWidget(named)
         self.cameras: dict[str, QAction] = {}
         cameras = self._add_menu("Camera", "Direction to look from")
@@ -187,35 +201,46 @@ class ViewBar(QToolBar):
                 *((name, each.label, each.help.capitalize()) for name, each in LIGHTS.items()),
             )
         }
-        looks = self._add_menu("Style", "Style of the picture, and its light")
+        self.backgrounds = {
+            name: action(self, name, self._choose_background, data=colors)
+            for name, colors in BACKGROUNDS.items()
+        }
+        looks = self._add_menu("Style", "Style of the picture, its light and its background")
         looks.addActions([*self.styles.values()])
         looks.addSeparator()
         light = looks.addMenu("Light")
         light.addActions([*self.lights.values()])
         light.setToolTipsVisible(True)
-        self.backgrounds = {
-            name: action(self, name, self._choose_background, data=colors)
-            for name, colors in BACKGROUNDS.items()
-        }
-        self._add_menu("Background", "Colour of the background").addActions(
-            [*self.backgrounds.values()]
-        )
+        looks.addMenu("Background").addActions([*self.backgrounds.values()])
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Show the label of the colour choice and the marks of menus if there is room."""
+        """Leave out what does not fit."""
         super().resizeEvent(event)
-        mark = self.fontMetrics().horizontalAdvance(_MENU_MARK) * len(self._menus)
-        between = self._label.parentWidget().layout().spacing()
-        label = self._label.sizeHint().width() + between
-        saved = (0, label, label + mark)
-        full_width = self.sizeHint().width() + saved[self._omitted]
-        fitting = [k for k in range(3) if full_width - saved[k] <= self.width()]
-        left_out = min(fitting, default=2)
-        if left_out != self._omitted:
-            self._omitted = left_out
-            self._label.setVisible(left_out < 1)
+        self._fit()
+
+    def _fit(self) -> None:
+        """Show as many reading aids and buttons as there is room for."""
+        for layout in (self._parts.layout(), self.layout()):
+            layout.invalidate()  # a button may just have been shown or hidden
+        label = self._label.sizeHint().width() + self._label.parentWidget().layout().spacing()
+        mark = self.fontMetrics().horizontalAdvance(_MENU_MARK)
+        menu = self.widgetForAction(self._menus[0]).sizeHint().width() - mark * self._shown[1]
+        parts = self._parts.sizeHint().width()
+
+        def width(has_label: bool, has_marks: bool, has_parts: bool) -> int:
+            marks = len(self._menus) - has_parts if has_marks else 0
+            return label * has_label + mark * marks + (parts if has_parts else menu)
+
+        rest = self.sizeHint().width() - width(*self._shown)
+        fitting = (shown for shown in _LAYOUTS if rest + width(*shown) <= self.width())
+        shown = next(fitting, _LAYOUTS[-1])
+        if shown != self._shown:
+            self._shown = shown
+            self._label.setVisible(shown[0])
             for opening in self._menus:
-                opening.setIconText(opening.text() + _MENU_MARK * (left_out < 2))
+                opening.setIconText(opening.text() + _MENU_MARK * shown[1])
+            self._parts_action.setVisible(shown[2])
+            self._menus[0].setVisible(not shown[2])
             # Otherwise tools that fit now would stay behind the bar's arrow.
             self.layout().invalidate()
             self.layout().activate()
@@ -256,17 +281,18 @@ class ViewBar(QToolBar):
         supports.setToolTip("Show the supports (S)" if has_supports else "There are no supports")
         # Only with obstacles: the bar has little room.
         self.part_actions["obstacles"].setVisible(solved and bool(scene.modal.obstacles))
+        self._fit()
         self._required = [name for name in _WINDOW_PARTS if getattr(scene.view, name)]
         self.clip.setChecked(scene.view.clip_normal is not None)
         self.hang.setChecked(solved and scene.modal.is_hung)
         self.hang.setEnabled(solved or not scene.moves)
         still = not scene.moves and scene.textile is not None
         self.hang.setToolTip(f"{PRESETS['hang'].help[:-1]} (H)" if still else _HANG)
-        can_drop = solved and bool(scene.modal.obstacles)
-        self.drop.setEnabled(can_drop)
-        self.drop.setToolTip(
-            "Let go of the supports: the cage falls as it is shown and settles on its obstacles"
-            if can_drop
+        can_fall = solved and bool(scene.modal.obstacles)
+        self.let_go.setEnabled(can_fall)
+        self.let_go.setToolTip(
+            "The cloth falls as it is shown and settles on the obstacles of the scene"
+            if can_fall
             else "Add an obstacle to fall on first: Modal solver > Add obstacle"
         )
 
@@ -276,7 +302,7 @@ class ViewBar(QToolBar):
         return [
             *self.part_actions.values(),
             self.hang,
-            self.drop,
+            self.let_go,
             *self.camera_actions,
             *self.keys.camera_actions,
             *self.keys.appearance_actions,

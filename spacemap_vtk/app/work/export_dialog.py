@@ -10,8 +10,6 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDialog,
-    QDialogButtonBox,
     QFileDialog,
     QFormLayout,
     QLabel,
@@ -21,9 +19,10 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.documents.file_dialogs import confirm_overwrite
-from spacemap_vtk.app.widgets import CountBox, mark_bad, note, row
+from spacemap_vtk.app.form_dialog import FormDialog
+from spacemap_vtk.app.widgets import CountBox, row
 from spacemap_vtk.app.work.composition_rows import CompositionRows
-from spacemap_vtk.errors import InputError, SpacemapError
+from spacemap_vtk.errors import InputError
 from spacemap_vtk.io.registry import endings_with_alpha
 from spacemap_vtk.scenes.settings import Animation, View
 from spacemap_vtk.units import format_quantity, parse_quantity
@@ -74,7 +73,7 @@ def stored_size() -> tuple[int, int] | None:
     return _written_size() or SIZES.get(str(QSettings().value(_SIZE_KEY, "")))
 
 
-class ExportDialog(QDialog):
+class ExportDialog(FormDialog):
     """Ask for file, size and camera, or for the times of a film, or for both."""
 
     def __init__(
@@ -84,30 +83,19 @@ class ExportDialog(QDialog):
         animation: Animation | None = None,
         options: PictureOptions | None = None,
     ) -> None:
-        super().__init__(parent, windowTitle=title)
+        super().__init__(parent, title, "Save", 400)
         self._picture = options
         self._confirmed_name = ""
         #: Chosen times in s; empty if the dialog asks for none.
         self.times: list[float] = []
         self.time_lines: dict[str, QLineEdit] = {}
-        form = QFormLayout(self)
-        form.setContentsMargins(16, 16, 16, 12)
-        self.summary = note("", "note")
-        self.summary.setMinimumSize(400, 3 * self.summary.fontMetrics().lineSpacing())
-        box = QDialogButtonBox.StandardButton
-        buttons = QDialogButtonBox(box.Save | box.Cancel)
-        buttons.accepted.connect(self.accept)
-        buttons.rejected.connect(self.reject)
-        self.save_button = buttons.button(box.Save)
         if options is not None:
-            self._add_picture_rows(form, options)
+            self._add_picture_rows(self.form, options)
         #: Times of the film as typed; None if the dialog does not ask for them.
         self.animation = None if animation is None else Animation(**animation.settings)
         if animation is not None:
-            self._add_time_rows(form, animation)
-        form.addRow(self.summary)
-        form.addRow(buttons)
-        self._update_summary()
+            self._add_time_rows(self.form, animation)
+        self.finish()
 
     @property
     def file(self) -> Path:
@@ -144,7 +132,7 @@ class ExportDialog(QDialog):
 
     def _add_picture_rows(self, form: QFormLayout, options: PictureOptions) -> None:
         self.file_line = QLineEdit(str(options.proposal), minimumWidth=340)
-        self.file_line.textChanged.connect(self._update_summary)
+        self.file_line.textChanged.connect(self.update_summary)
         browse = QPushButton("Browse…")
         browse.clicked.connect(self._browse)
         self.width_box, self.height_box = (
@@ -159,7 +147,7 @@ class ExportDialog(QDialog):
         self.preset.setCurrentText(_OTHER if size else stored)
         self.camera = QComboBox()
         self.camera.addItems(list(_CAMERAS))
-        self.camera.currentIndexChanged.connect(self._update_summary)
+        self.camera.currentIndexChanged.connect(self.update_summary)
         self.transparent = QCheckBox("Transparent", checked=options.transparent)
         form.addRow("File", row(None, (self.file_line, 1), browse))
         sizes = self.width_box, QLabel("×"), self.height_box
@@ -169,8 +157,8 @@ class ExportDialog(QDialog):
         #: Depth of field and close-up.
         self.composition = CompositionRows(form, options.view, options.picked)
         for box in (self.width_box, self.height_box):
-            box.valueChanged.connect(self._update_summary)
-            box.range_error_changed.connect(self._update_summary)
+            box.valueChanged.connect(self.update_summary)
+            box.range_error_changed.connect(self.update_summary)
 
     def _add_time_rows(self, form: QFormLayout, animation: Animation) -> None:
         labels = {
@@ -183,13 +171,13 @@ class ExportDialog(QDialog):
             parameter = animation.parameter(name)
             shown = parameter.format(getattr(animation, name))
             line = QLineEdit(shown, toolTip=parameter.help)
-            line.textChanged.connect(self._update_summary)
+            line.textChanged.connect(self.update_summary)
             form.addRow(label, line)
             self.time_lines[name] = line
         if self._picture is not None:
             tip = "Length of the film; if longer than the motion, it plays in slow motion"
             self.time_lines["duration"] = line = QLineEdit(toolTip=tip)
-            line.textEdited.connect(self._update_summary)
+            line.textEdited.connect(self.update_summary)
             form.insertRow(form.rowCount() - 1, "Duration", line)
 
     def _browse(self) -> None:
@@ -209,27 +197,19 @@ class ExportDialog(QDialog):
         for box, side in zip((self.width_box, self.height_box), size, strict=True):
             box.setValue(side)
 
-    def _update_summary(self) -> None:
-        """Describe the present choice, or explain why it is not possible."""
-        text, bad = "", False
-        try:
-            if self.animation is not None:
-                text = self._read_times(self.animation)
-            if self._picture is not None:
-                self._update_picture_rows(self._picture)
-                for key, box in (("width", self.width_box), ("height", self.height_box)):
-                    if box.range_error:
-                        raise InputError(box.range_error, key=key)
-                self._picture.check(self.file, self.picture_size, len(self.times) or 1)
-                self._require_motion(self._picture)
-                about = self._picture.describe(self.picture_size)
-                parts = (text, about, _CAMERAS[self.camera.currentText()])
-                text = " ".join(filter(None, parts))
-        except SpacemapError as error:
-            text, bad = str(error), True
-        mark_bad(self.summary, bad)
-        self.save_button.setEnabled(not bad)
-        self.summary.setText(text)
+    def describe(self) -> str:
+        """Describe file, size and times, and remember the times."""
+        text = "" if self.animation is None else self._read_times(self.animation)
+        if self._picture is None:
+            return text
+        self._update_picture_rows(self._picture)
+        for key, box in (("width", self.width_box), ("height", self.height_box)):
+            if box.range_error:
+                raise InputError(box.range_error, key=key)
+        self._picture.check(self.file, self.picture_size, len(self.times) or 1)
+        self._require_motion(self._picture)
+        about = self._picture.describe(self.picture_size)
+        return " ".join(filter(None, (text, about, _CAMERAS[self.camera.currentText()])))
 
     def _require_motion(self, options: PictureOptions) -> None:
         """Refuse a film of which all frames are the same."""

@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QDialog,
-    QDialogButtonBox,
-    QFormLayout,
-    QLineEdit,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QLineEdit, QWidget
 
-from spacemap_vtk.app.widgets import mark_bad, note
+from spacemap_vtk.app.form_dialog import FormDialog
 from spacemap_vtk.draw.figure.figure_page import FigurePage
-from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.units import parse_quantity
 
@@ -30,13 +21,12 @@ _PARTS: dict[str, list[str]] = {
 _WIDTHS = {"Two columns (180 mm)": 180.0, "One column (88 mm)": 88.0, "Slide (254 mm)": 254.0}
 
 
-class FigureDialog(QDialog):
+class FigureDialog(FormDialog):
     """Ask what a page shows, and how wide it is."""
 
     def __init__(self, parent: QWidget | None, scene: Scene) -> None:
-        super().__init__(parent, windowTitle="Export figure page")
-        form = QFormLayout(self)
-        form.setContentsMargins(16, 16, 16, 12)
+        super().__init__(parent, "Export figure page", "Save…")
+        form = self.form
         self.parts, self.width_choice = QComboBox(), QComboBox()
         woven = scene.woven is not None
         self.parts.addItems([name for name in _PARTS if woven or name in [*_PARTS][:2]])
@@ -53,18 +43,8 @@ class FigureDialog(QDialog):
             form.addRow("", self.cage)
         form.addRow("", self.dark)
         form.addRow("", self.transparent)
-        self.summary = note("", "note")
-        self.summary.setMinimumSize(380, 2 * self.summary.fontMetrics().lineSpacing())
-        button = QDialogButtonBox.StandardButton
-        buttons = QDialogButtonBox(button.Save | button.Cancel)
-        buttons.accepted.connect(self.accept)
-        buttons.rejected.connect(self.reject)
-        self.save_button = buttons.button(button.Save)
-        self.save_button.setText("Save…")
-        form.addRow(self.summary)
-        form.addRow(buttons)
-        self.times.textChanged.connect(self._check)
-        self._check()
+        self.times.textChanged.connect(self.update_summary)
+        self.finish()
 
     @property
     def page(self) -> FigurePage:
@@ -79,16 +59,7 @@ class FigureDialog(QDialog):
             transparent=self.transparent.isChecked(),
         )
 
-    def _check(self) -> None:
-        """Explain what is written, or why it is not possible."""
-        text, bad = (
-            "Pictures share one camera and one colour scale.",
-            False,
-        )
-        try:
-            _ = self.page
-        except SpacemapError as error:
-            text, bad = str(error), True
-        mark_bad(self.summary, bad)
-        self.save_button.setEnabled(not bad)
-        self.summary.setText(text)
+    def describe(self) -> str:
+        """Return what pictures of the page have in common."""
+        _ = self.page
+        return "Pictures share one camera and one colour scale."

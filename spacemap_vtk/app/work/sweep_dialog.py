@@ -9,17 +9,14 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QCompleter,
-    QDialog,
-    QDialogButtonBox,
     QFileDialog,
-    QFormLayout,
     QLineEdit,
     QPushButton,
     QWidget,
 )
 
-from spacemap_vtk.app.widgets import mark_bad, note, row
-from spacemap_vtk.errors import SpacemapError
+from spacemap_vtk.app.form_dialog import FormDialog
+from spacemap_vtk.app.widgets import row
 from spacemap_vtk.jobs import SweepJob
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
@@ -31,14 +28,12 @@ _ROWS = 3
 _LONG_KINDS = ("loads", "obstacles", "grips", "cameras", "insets", "file")
 
 
-class SweepDialog(QDialog):
+class SweepDialog(FormDialog):
     """Ask for up to three keys with lists of values, and for a folder."""
 
     def __init__(self, parent: QWidget | None, scene: Scene, proposal: Path) -> None:
-        super().__init__(parent, windowTitle="Run a sweep")
-        self._scene = scene
-        form = QFormLayout(self)
-        form.setContentsMargins(16, 16, 16, 12)
+        super().__init__(parent, "Run a sweep", "Run", 520)
+        self._scene, form = scene, self.form
         #: Editors of each key and of its values.
         self.keys: list[QComboBox] = []
         self.lists: list[QLineEdit] = []
@@ -51,32 +46,22 @@ class SweepDialog(QDialog):
             key.setCompleter(completer)
             key.lineEdit().setPlaceholderText("for example weave.warp_spacing")
             values.setPlaceholderText("0.4 mm, 0.5 mm or linspace(0.4 mm, 0.6 mm, 5)")
-            key.currentTextChanged.connect(self._update_summary)
-            values.textChanged.connect(self._update_summary)
+            key.currentTextChanged.connect(self.update_summary)
+            values.textChanged.connect(self.update_summary)
             key.setMinimumWidth(230)
             values.setMinimumWidth(290)
             form.addRow("Vary" if number == 0 else "and", row(None, (key, 1), (values, 1)))
             self.keys.append(key)
             self.lists.append(values)
         self.paired = QCheckBox("Pair the lists: first values together, then second ones")
-        self.paired.toggled.connect(self._update_summary)
+        self.paired.toggled.connect(self.update_summary)
         self.folder_line = QLineEdit(str(proposal))
-        self.folder_line.textChanged.connect(self._update_summary)
+        self.folder_line.textChanged.connect(self.update_summary)
         browse = QPushButton("Browse…")
         browse.clicked.connect(self._browse)
         form.addRow("", self.paired)
         form.addRow("New folder", row(None, (self.folder_line, 1), browse))
-        self.summary = note("", "note")
-        self.summary.setMinimumSize(520, 3 * self.summary.fontMetrics().lineSpacing())
-        button = QDialogButtonBox.StandardButton
-        buttons = QDialogButtonBox(button.Ok | button.Cancel)
-        buttons.accepted.connect(self.accept)
-        buttons.rejected.connect(self.reject)
-        self.run_button = buttons.button(button.Ok)
-        self.run_button.setText("Run")
-        form.addRow(self.summary)
-        form.addRow(buttons)
-        self._update_summary()
+        self.finish()
 
     @property
     def assignments(self) -> list[str]:
@@ -95,28 +80,26 @@ class SweepDialog(QDialog):
         if name:
             self.folder_line.setText(str(Path(name) / self.folder.name))
 
-    def _update_summary(self) -> None:
-        """Count the runs, or explain why they are not possible."""
-        scene, bad = self._scene, False
-        try:
-            lists = self.assignments
-            file = (scene.file or Path("scene")).absolute()
-            sweep = make_sweep(
-                scene, scene_values(scene), lists, file=file, paired=self.paired.isChecked()
-            )
-            SweepJob(self.folder, lists)
-            text = (
-                f"{len(sweep.runs)} runs: for each a picture, a scene and its figures; together a "
-                "table and a contact sheet."
-                if lists
-                else "Choose a key of the scene, and type several values for it."
-            )
-            is_ready = bool(lists)
-        except SpacemapError as error:
-            text, bad, is_ready = str(error), True, False
-        mark_bad(self.summary, bad)
-        self.run_button.setEnabled(is_ready)
-        self.summary.setText(text)
+    def describe(self) -> str:
+        """Count the runs."""
+        scene, lists = self._scene, self.assignments
+        file = (scene.file or Path("scene")).absolute()
+        sweep = make_sweep(
+            scene, scene_values(scene), lists, file=file, paired=self.paired.isChecked()
+        )
+        SweepJob(self.folder, lists)
+        if not lists:
+            return "Choose a key of the scene, and type several values for it."
+        return (
+            f"{len(sweep.runs)} runs: for each a picture, a scene and its figures; together a "
+            "table and a contact sheet."
+        )
+
+    def update_summary(self, *_: object) -> None:
+        """Count the runs, and allow to start them if there are any."""
+        super().update_summary()
+        if not self.assignments:
+            self.accept_button.setEnabled(False)
 
 
 def _keys_of(scene: Scene) -> list[str]:

@@ -1,11 +1,8 @@
-"""Draws: the orders in which ends are threaded on shafts, or in which treadles are pressed.
-
-Each function returns the numbers, counted from 1, of `count` threads. `first` may be larger than
-`last`; the draw then runs downwards. Of draws that do not fill the last repeat, the beginning is
-kept.
-"""
+"""Draws: the orders in which ends are threaded on shafts, or in which treadles are pressed."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,113 +11,85 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Ints
 
 
-def straight_draw(count: int, first: int, last: int, step: int = 1) -> Ints:
-    """Draw through the shafts in order, or with a step as in satins.
+def make_draw(kind: str, count: int, first: int, last: int, *details: int) -> Ints:
+    """Return the shaft or treadle of each thread in a draw.
 
     Parameters
     ----------
+    kind : {"straight", "point", "broken", "advancing"}
+        Straight: in order, again and again. Point: to the last shaft and back; neither turning
+        point is doubled. Broken: runs that alternately rise and fall, each half the shafts away
+        from the one before, so that a balanced twill has a clean cut (herringbone, dornik).
+        Advancing: rising runs, each of which begins some shafts after the one before.
     count : int
-        Number of threads.
+        Number of threads. Of draws that do not fill the last repeat, the beginning is kept.
     first, last : int
-        First and last shaft, or treadle.
-    step : int
-        Shafts from each thread to the next one, after the last shaft again from the first.
+        First and last shaft, counted from 1; if `first` is larger, the draw runs downwards.
+    *details : int
+        Straight: shafts from each thread to the next one (1), as in satins. Broken: threads in a
+        run (0: as many as shafts). Advancing: threads in a run, and shafts to the next run (1).
 
     Returns
     -------
     (count,) ndarray of int
 
+    Raises
+    ------
+    InputError
+        A shaft is below 1, or a run has no threads.
+
     Examples
     --------
-    >>> straight_draw(6, 1, 4).tolist(), straight_draw(5, 1, 5, step=2).tolist()
+    >>> make_draw("straight", 6, 1, 4).tolist(), make_draw("straight", 5, 1, 5, 2).tolist()
     ([1, 2, 3, 4, 1, 2], [1, 3, 5, 2, 4])
-    """
-    return _as_numbers(step * np.arange(count), first, last)
-
-
-def point_draw(count: int, first: int, last: int) -> Ints:
-    """Draw to the last shaft and back; neither turning point is doubled.
-
-    Parameters
-    ----------
-    count : int
-        Number of threads.
-    first, last : int
-        First and last shaft, or treadle.
-
-    Returns
-    -------
-    (count,) ndarray of int
-
-    Examples
-    --------
-    >>> point_draw(8, 1, 4).tolist()
-    [1, 2, 3, 4, 3, 2, 1, 2]
-    """
-    highest = abs(last - first)
-    place = np.arange(count) % max(2 * highest, 1)
-    return _as_numbers(np.minimum(place, 2 * highest - place), first, last)
-
-
-def broken_draw(count: int, first: int, last: int, run: int = 0) -> Ints:
-    """Draw runs that alternately rise and fall, each half the shafts away from the one before.
-
-    With a balanced twill the threads at each break lie opposite each other, so the twill has a
-    clean cut: herringbone, or dornik. Runs of two on four shafts are broken twill, 1 2 4 3.
-
-    Parameters
-    ----------
-    count : int
-        Number of threads.
-    first, last : int
-        First and last shaft, or treadle.
-    run : int
-        Threads of a run; 0: as many as shafts.
-
-    Returns
-    -------
-    (count,) ndarray of int
-
-    Examples
-    --------
-    >>> broken_draw(8, 1, 4).tolist(), broken_draw(4, 1, 4, run=2).tolist()
-    ([1, 2, 3, 4, 2, 1, 4, 3], [1, 2, 4, 3])
-    """
-    shafts = abs(last - first) + 1
-    run = run or shafts
-    number, place = np.divmod(np.arange(count), run)
-    falls = number % 2 == 1
-    along = np.where(falls, run - 1 - place, place)
-    return _as_numbers(number * (shafts // 2) + along, first, last)
-
-
-def advancing_draw(count: int, first: int, last: int, run: int, advance: int = 1) -> Ints:
-    """Draw rising runs, each of which begins some shafts after the beginning of the one before.
-
-    Parameters
-    ----------
-    count : int
-        Number of threads.
-    first, last : int
-        First and last shaft, or treadle; after the last one the runs go on at the first.
-    run : int
-        Threads of a run.
-    advance : int
-        Shafts from the beginning of a run to the beginning of the next one.
-
-    Returns
-    -------
-    (count,) ndarray of int
-
-    Examples
-    --------
-    >>> advancing_draw(9, 1, 8, run=3).tolist()
+    >>> make_draw("point", 8, 1, 4).tolist(), make_draw("broken", 4, 1, 4, 2).tolist()
+    ([1, 2, 3, 4, 3, 2, 1, 2], [1, 2, 4, 3])
+    >>> make_draw("advancing", 9, 1, 8, 3).tolist()
     [1, 2, 3, 2, 3, 4, 3, 4, 5]
     """
+    if min(first, last) < 1:
+        raise InputError(
+            "shafts and treadles are counted from 1", key="first", value=min(first, last)
+        )
+    shafts = abs(last - first) + 1
+    places = _DRAWS[kind](np.arange(count), shafts, *details) % shafts
+    return first + places if first <= last else first - places
+
+
+# Each of these functions returns places from 0 of threads from 0; places that exceed the number of
+# shafts go on at the first one.
+
+
+def _straight(threads: Ints, _shafts: int, step: int = 1) -> Ints:
+    return step * threads
+
+
+def _point(threads: Ints, shafts: int) -> Ints:
+    highest = shafts - 1
+    place = threads % max(2 * highest, 1)
+    return np.minimum(place, 2 * highest - place)
+
+
+def _broken(threads: Ints, shafts: int, run: int = 0) -> Ints:
+    run = run or shafts
+    number, place = np.divmod(threads, run)
+    along = np.where(number % 2 == 1, run - 1 - place, place)
+    return number * (shafts // 2) + along
+
+
+def _advancing(threads: Ints, _shafts: int, run: int, advance: int = 1) -> Ints:
     if run < 1:
         raise InputError("a run needs threads", key="run", value=run, allowed="1 or more")
-    number, place = np.divmod(np.arange(count), run)
-    return _as_numbers(number * advance + place, first, last)
+    number, place = np.divmod(threads, run)
+    return number * advance + place
+
+
+_DRAWS: dict[str, Callable[..., Ints]] = {
+    "straight": _straight,
+    "point": _point,
+    "broken": _broken,
+    "advancing": _advancing,
+}
 
 
 def network_draw(line: ArrayLike, shafts: int, initial: int) -> Ints:
@@ -167,13 +136,3 @@ def network_draw(line: ArrayLike, shafts: int, initial: int) -> Ints:
     place = np.asarray(line, dtype=np.int64) - 1
     place = place + (np.arange(len(place)) - place) % initial
     return place % shafts + 1
-
-
-def _as_numbers(place: Ints, first: int, last: int) -> Ints:
-    """Convert places, from 0 and repeated after the last shaft, to numbers of shafts."""
-    if min(first, last) < 1:
-        raise InputError(
-            "shafts and treadles are counted from 1", key="first", value=min(first, last)
-        )
-    place = place % (abs(last - first) + 1)
-    return first + place if first <= last else first - place

@@ -90,5 +90,38 @@ def turn_loom(loom: Loom) -> Loom:
     return swap_faces(turned)
 
 
+def exchange(loom: Loom, what: str, first: int, second: int) -> Loom:
+    """Exchange two shafts or two treadles, without a change of the cloth.
+
+    Parameters
+    ----------
+    loom : Loom
+        Any loom.
+    what : {"shaft", "treadle"}
+        What is exchanged.
+    first, second : int
+        Their numbers, from 1.
+
+    Returns
+    -------
+    Loom
+        With the ends and ties of one shaft on the other one; or with the picks and ties of one
+        treadle on the other one.
+    """
+    other = {first: second, second: first}
+
+    def renumber(rows: Rows) -> Rows:
+        return tuple(tuple(sorted(other.get(number, number) for number in row)) for row in rows)
+
+    if what == "shaft":
+        lifted = None if loom.liftplan is None else renumber(loom.liftplan)
+        return replace(
+            loom, threading=renumber(loom.threading), tieup=renumber(loom.tieup), liftplan=lifted
+        )
+    ties = [*loom.tieup, *[()] * (loom.treadles - len(loom.tieup))]
+    ties[first - 1], ties[second - 1] = ties[second - 1], ties[first - 1]
+    return replace(loom, treadling=renumber(loom.treadling), tieup=tuple(ties))
+
+
 def _invert(rows: Rows, used: list[int]) -> Rows:
     return tuple(tuple(shaft for shaft in used if shaft not in row) for row in rows)
