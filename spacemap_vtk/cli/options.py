@@ -498,7 +498,13 @@ def print_plain(table: Any) -> None:
     """Print a table or a title without interpreting brackets as markup."""
     from rich.console import Console
 
-    Console(markup=False).print(table, highlight=False)
+    console = Console(markup=False)
+    columns = getattr(table, "columns", ())
+    if columns and all(column.no_wrap for column in columns):
+        # No digit is cut off: a narrow terminal breaks the lines of a wide table of numbers.
+        wide = console.options.update(max_width=10_000)
+        console.width = max(console.width, console.measure(table, options=wide).maximum)
+    console.print(table, highlight=False)
 
 
 def print_json(figures: Any) -> None:

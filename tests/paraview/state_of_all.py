@@ -27,13 +27,15 @@ TIME = 0.013
 #: Test values: for each parameter one of these is plausible and differs from the default. A third
 #: has no short decimal form.
 VALUES: tuple[Any, ...] = (
-    *(False, True, 1 / 3, 1e-3 / 3, 1e3 / 3, 2),
-    *((1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), "#102030", "-x:yz", "twill 2/1", "20/2 cotton"),
+    *(False, True, 1 / 3, 1e-3 / 3, 1e3 / 3, 2, 5, 100),
+    *((1 / 3, 0.1 + 0.2, 1e-7), (3, 4, 6), (2, 3), (0.5, 1 / 3), "#102030", "-x:yz", "twill 2/1", "20/2 cotton"),
+    *("rib 1x1", "AB", ["1-0/1-2"], "1 in 1 out"),
     *("-x", "-x:(0, 1, 3) 0.3 N/m", "-x 0.3 g"),
     [["10 Hz", 0.02], ["80 Hz", 1 / 3]],
     [{"pressure": "2 Pa", "on": "-y", "time": "harmonic", "frequency": "3 Hz"}],
     [{"pressure": "2 Pa", "on": "-y"}],
     [{"shape": "sphere", "radius": "2 mm", "center": [0, 0, "-3 mm"], "friction": 1 / 3}],
+    [{"place": "-y", "path": [[0, "1 mm", 0]]}],
 )
 
 

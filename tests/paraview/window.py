@@ -6,6 +6,7 @@ from pathlib import Path
 from paraview import simple
 
 YARNS = int(os.environ.get("SPACEMAP_YARNS", "40"))
+CELLS = 18  # half a bending length wide, however many yarns there are
 STRIPES = ", ".join(["#b3262e"] * 4 + ["#f4ecdc"] * 4)
 
 # A napkin of 20 cm hangs over a round table of 9 cm.
@@ -13,10 +14,9 @@ weave = simple.WeaveSource(Pattern="twill 2/2", Ends=YARNS, Picks=YARNS)
 weave.WarpDiameter = weave.WeftDiameter = f"{112 / YARNS} mm"
 weave.WarpSpacing = weave.WeftSpacing = f"{200 / YARNS} mm"
 weave.WarpColor = weave.WeftColor = STRIPES
-cells = YARNS // 2 - 2
-cage = simple.TetraCage(Input=weave, Divisions=[cells, cells, 1])
+cage = simple.TetraCage(Input=weave, Divisions=[CELLS, CELLS, 1])
 modal = simple.ModalSolver(Input=cage, Elements="sheet", Fixed="sphere(0, 0, 0, 45 mm)")
-modal.TensileRigidity, modal.ShearRigidity, modal.BendingRigidity = "1 kN/m", "40 N/m", "3 uN.m"
+modal.TensileRigidity, modal.ShearRigidity, modal.BendingRigidity = "1 kN/m", "40 N/m", "30 uN.m"
 modal.ArealMass, modal.Gravity = "150 g/m2", [0.0, 0.0, -9.80665]
 response = simple.ModalResponse(Input=modal, DampingRatio=0.05)
 rotation = simple.RotationStrain(Input=response)
