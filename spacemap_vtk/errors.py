@@ -31,6 +31,8 @@ class SpacemapError(Exception):
         What would be accepted.
     cure : str, optional
         What the user can do about it.
+    window_cure : str, optional
+        The same in the window, where menus and fields have other names than options and sections.
     """
 
     def __init__(
@@ -41,6 +43,7 @@ class SpacemapError(Exception):
         value: object = None,
         allowed: str | None = None,
         cure: str | None = None,
+        window_cure: str | None = None,
     ) -> None:
         super().__init__(message)
         self.message = message
@@ -48,6 +51,7 @@ class SpacemapError(Exception):
         self.value = value
         self.allowed = allowed
         self.cure = cure
+        self.window_cure = window_cure or cure
         #: Set where they are known: the file at fault, and the section that contains `key`.
         self.file: str | None = None
         self.section: str | None = None

@@ -252,6 +252,10 @@ def test_a_linear_motion_beyond_a_right_angle_is_refused_with_the_cure() -> None
     with pytest.raises(SolverError, match="linear motion shows nothing real") as raised:
         scene.update(time=1.0)
     assert "--hang" in str(raised.value)
+    cure = str(raised.value.window_cure)
+    assert f"Cloth > {PRESETS['hang'].label}" in cure
+    assert "Rotation strain" in cure
+    assert "--hang" not in cure
 
 
 @pytest.mark.nightly

@@ -180,8 +180,6 @@ def test_new_fabric_shows_automatic_values_at_once(open_scene: Any) -> None:
 
 def test_loads_can_be_added_changed_and_removed(open_scene: Any) -> None:
     window = open_scene()
-    # Stiff enough that all loads together do not turn it beyond what a linear motion can show.
-    window.document.set("modal", "youngs_modulus", "100 kPa")
     loads = editor(window, "response", "loads")
     for action in loads.add_button.menu().actions():
         action.trigger()
@@ -500,3 +498,35 @@ def test_number_without_a_unit_has_the_unit_of_its_field(open_scene: Any) -> Non
     assert window.document.scene.source.warp_diameter == 0.0003
     type_into(diameter.line, "200 um")
     assert window.document.scene.source.warp_diameter == 0.0002
+
+
+def test_new_cards_bend_the_cage_a_little(open_scene: Any) -> None:
+    window = open_scene()
+
+    def deflection() -> float:
+        wait_until(lambda: settled(window))
+        assert window.errors.text == ""
+        cage = window.view.frame.cage
+        moved = vtk_to_numpy(cage.GetPointData().GetArray("displacement"))
+        sizes = np.ptp(vtk_to_numpy(cage.GetPoints().GetData()), axis=0)
+        return float(np.linalg.norm(moved, axis=1).max() / sizes.max())
+
+    window.document.set("response", "gravity", [0.0, 0.0, 0.0])
+    window.document.set("response", "alpha", 400.0)  # so damped that it does not swing
+    window.times.go_to_end()
+    loads = editor(window, "response", "loads")
+    for action in loads.add_button.menu().actions():
+        if action.data() in ("pressure", "force"):
+            action.trigger()
+            loads.cards[0].rows["time"].edited.emit("time", "step", 0)
+            assert 0.02 < deflection() < 0.08
+            loads.cards[0].remove_button.click()
+
+    def mass() -> float:
+        wait_until(lambda: settled(window))
+        array = window.view.frame.cage.GetPointData().GetArray("nodal_mass")
+        return float(vtk_to_numpy(array).sum())
+
+    before = mass()
+    editor(window, "modal", "masses").add_button.menu().actions()[0].trigger()
+    assert mass() == pytest.approx(1.1 * before, rel=0.01)

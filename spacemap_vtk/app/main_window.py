@@ -77,7 +77,7 @@ from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.laboratory import COTTON
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
 from spacemap_vtk.scenes.presets import PRESETS, YARN_CURE
-from spacemap_vtk.scenes.report import describe_motion, summarise_motion
+from spacemap_vtk.scenes.report import describe_motion, is_refused, summarise_motion
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import View
 
@@ -99,8 +99,11 @@ _GALLERY = 0.36
 _THICKNESS_STEP = 1.25
 #: Text of the link that switches the stage on; it uses the name from the list of stages.
 _SWITCH_ON_ROTATION = "switch on Rotation strain"
-#: End of a warning's first statement, which the status line shows.
-_STATEMENT_END = re.compile(r"[;:]|\. |, so that|, but ")
+#: Text of the link that hangs the cloth.
+_HANG = "hang the cloth as a curtain"
+#: End of a warning's first statement, which the status line shows; not the colon after a line's
+#: number.
+_STATEMENT_END = re.compile(r";|(?<!\d):|\. |, so that|, but ")
 #: Most words of that statement in the status line.
 _MAX_WORDS = 16
 
@@ -356,7 +359,7 @@ class MainWindow(QMainWindow):
         self.view.setAttribute(Qt.WidgetAttribute.WA_DontCreateNativeAncestors)
         self.view.setAttribute(Qt.WidgetAttribute.WA_NativeWindow)
         self.status_text = ElidedLabel()
-        self.status_text.linkActivated.connect(self.switch_stage)
+        self.status_text.linkActivated.connect(self._follow_link)
         self.details_button = tool_button("Details", "Show all warnings")
         self.details_button.clicked.connect(self._show_details)
         self.details_button.hide()
@@ -529,6 +532,13 @@ class MainWindow(QMainWindow):
             on = bool(file)
         self._try_change(self.document.switch, section, on, values)
         self.stages.show_boxes(self.document.scene)  # the switch may have been refused
+
+    def _follow_link(self, target: str) -> None:
+        """Apply the cure that was clicked in the status line: a preset, or a stage."""
+        if target in self.presets:
+            self.apply_preset(target)
+        else:
+            self.switch_stage(target)
 
     def _use_cotton(self) -> None:
         """Give the yarns the stiffness of spun cotton."""
@@ -709,7 +719,7 @@ class MainWindow(QMainWindow):
             self.modes.show_modes(frame.cage, self.document.scene.stage("mover"))
             self.modes.set_angles(self.document.scene.stage("rotation") is not None)
             gravity = self._hanging_values.get("gravity", self.document.scene.modal.gravity)
-            self.properties.set_bounds(frame.surface.GetBounds(), gravity)
+            self.properties.set_object(frame.surface.GetBounds(), gravity, frame.cage)
             self.properties.show_results("modal", solver_results(frame.cage), frame.in_use)
         if not frame.coarse and frame.generation != self._thumbnail_generation:
             self._save_thumbnail(frame)
@@ -743,14 +753,20 @@ class MainWindow(QMainWindow):
 
     def _show_status(self, frame: Frame) -> None:
         """Show the number of facets and the first warning, shortened, in the status line."""
-        warnings, headline, link = list(frame.warnings), "", ""
+        warnings, headline, link, target = list(frame.warnings), "", "", ""
         if warnings:
             headline = _shorten_warning(warnings[0])
         if frame.motion and frame.motion["large"]:
-            warnings.insert(0, f"The motion {describe_motion(frame.motion)}")
             headline = f"The motion {summarise_motion(frame.motion)}"
             # A click on the cure applies it.
-            link = "" if frame.motion["rebuilt"] else _SWITCH_ON_ROTATION
+            if not frame.motion["rebuilt"]:
+                link, target = _SWITCH_ON_ROTATION, "rotation"
+            if is_refused(frame.motion):
+                warnings.insert(0, headline)
+                if self.presets["hang"].isEnabled():
+                    link, target = _HANG, "hang"
+            else:
+                warnings.insert(0, f"The motion {describe_motion(frame.motion)}")
         details = self.document.drafts.replace_paths("\n".join(warnings))
         surfaces = [frame.surface] if frame.yarns is None else [frame.yarns, frame.surroundings]
         count = sum(surface.GetNumberOfCells() for surface in surfaces if surface is not None)
@@ -764,7 +780,7 @@ class MainWindow(QMainWindow):
             if is_warning_shown
             else ""
         )
-        self.status_text.show_text(f"{count:,} facets{note}", link, "rotation")
+        self.status_text.show_text(f"{count:,} facets{note}", link, target)
         # Qt shows a tooltip as plain text if it contains no tags. Text from a file must not be
         # interpreted as HTML.
         self.status_text.setToolTip(details.replace("<", "‹"))

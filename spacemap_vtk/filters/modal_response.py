@@ -147,8 +147,10 @@ class ModalResponse(LoadParameters, Stage):
                 raise SolverError(
                     f"the cage would turn by {math.degrees(angle):.3g}° at {time:.3g} s, and a "
                     f"linear motion shows nothing real beyond {math.degrees(REFUSED_ROTATION):g}°",
-                    cure="Hang the cloth in one step (--hang; in the window: Cloth > Hang), lower "
-                    "the loads, add a section [rotation], or replace [response] by [transient]",
+                    cure="Hang the cloth in one step (--hang), lower the loads, add a section "
+                    "[rotation], or replace [response] by [transient].",
+                    window_cure="Choose Cloth > Hang as curtain, lower the loads, or tick Rotation "
+                    "strain or Transient response in the pipeline on the left.",
                 )
             words = {"cure": LIMITS["swing"].cure} if angle > LIMITS["swing"].most else {}
             self.check_limit("rotation", angle, **words)

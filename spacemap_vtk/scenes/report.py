@@ -258,7 +258,7 @@ def report_law(scene: Scene, sheet: bool) -> dict[str, Any]:
 
 
 #: What is said of a motion that is too large to be drawn.
-_NOT_SHOWN = "which a linear motion cannot show: hang the cloth in one step (Cloth > Hang)"
+_NOT_SHOWN = "which a linear motion cannot show"
 
 
 def report_motion(scene: Scene) -> dict[str, Any] | None:
@@ -294,12 +294,18 @@ def report_last_motion(scene: Scene) -> dict[str, Any] | None:
     }
 
 
+def is_refused(figures: dict[str, Any]) -> bool:
+    """Return whether a motion turns the cage so far that it is not drawn."""
+    turn = math.radians(figures["largest_rotation_deg"])
+    return bool(not figures["rebuilt"] and turn > REFUSED_ROTATION)
+
+
 def describe_motion(figures: dict[str, Any]) -> str:
     """Return the figures of `report_motion` as a sentence, with cures if they are out of range."""
     angle = math.radians(figures["largest_rotation_deg"])
     text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
-    if not figures["rebuilt"] and angle > REFUSED_ROTATION:
-        return f"would turn by {figures['largest_rotation_deg']:.3g}°, {_NOT_SHOWN}"
+    if is_refused(figures):
+        return f"{summarise_motion(figures)}: hang the cloth in one step (--hang)"
     if not figures["rebuilt"]:
         text += f", lengths change by {100 * figures['largest_stretch']:.3g} %"
         text += f", volumes by {100 * figures['largest_volume_change']:.3g} %"
@@ -318,7 +324,7 @@ def describe_motion(figures: dict[str, Any]) -> str:
 def summarise_motion(figures: dict[str, Any]) -> str:
     """Return the most important part of `describe_motion`, without the cures."""
     text = f"turns by up to {figures['largest_rotation_deg']:.3g}°"
-    if not figures["rebuilt"] and math.radians(figures["largest_rotation_deg"]) > REFUSED_ROTATION:
+    if is_refused(figures):
         return f"would turn by {figures['largest_rotation_deg']:.3g}°, {_NOT_SHOWN}"
     if not figures["rebuilt"]:
         return f"{text}, lengths change by {100 * figures['largest_stretch']:.3g} %"

@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+
+from spacemap_vtk.app.fields.first_values import FirstValues
 from spacemap_vtk.app.fields.record_cards import RecordCards
 from spacemap_vtk.filters.load import ACTIONS, Load, Loads
 from spacemap_vtk.filters.time_keys import TIME_KEYS
 
-#: First values of a new load, by action.
-_ACTION_DEFAULTS: dict[str, dict[str, Any]] = {
-    "pressure": {"pressure": "1 Pa", "on": "-z"},
-    "traction": {"traction": ["1 Pa", 0.0, 0.0], "on": "-z"},
-    "force": {"force": ["1 mN", 0.0, 0.0], "at": [0.0, 0.0, 0.0]},
-    "array": {"array": "force"},
-    "gravity": {"gravity": [0.0, "-1 g", 0.0]},
-    "base_acceleration": {"base_acceleration": [0.0, 0.0, "1 g"]},
-    "base_displacement": {"base_displacement": [0.0, 0.0, "1 mm"]},
-}
 #: First values of the required parameters of time functions.
 TIME_DEFAULTS: dict[str, Any] = {
     "length": "100 ms",
@@ -26,7 +19,6 @@ TIME_DEFAULTS: dict[str, Any] = {
     "values": [1.0, 0.0],
     "frequency": "10 Hz",
 }
-assert set(_ACTION_DEFAULTS) == set(ACTIONS)
 
 
 class LoadsEditor(RecordCards):
@@ -35,10 +27,12 @@ class LoadsEditor(RecordCards):
     def __init__(self, parameter: Loads) -> None:
         super().__init__(parameter, parameter.actions, parameter.record.noun)
         self._timed = parameter.timed
+        #: The shown cage, which new loads bend a little; None without one.
+        self.cage: vtkUnstructuredGrid | None = None
 
     def first_values(self, kind: str) -> dict[str, Any]:
         """Return the first values of a new load."""
-        return dict(_ACTION_DEFAULTS[kind])
+        return FirstValues.from_cage(self.cage).of_load(kind)
 
     def kind_of(self, record: Load) -> str:
         """Return the action of a load."""
@@ -47,7 +41,7 @@ class LoadsEditor(RecordCards):
     def change_kind(self, record: Load, kind: str) -> dict[str, Any]:
         """Return the changes for another action."""
         cleared = dict.fromkeys([record.action, "on", "at", "follower"])
-        return {**cleared, **_ACTION_DEFAULTS[kind]}
+        return {**cleared, **self.first_values(kind)}
 
     def change_value(self, record: Load, name: str, value: Any) -> dict[str, Any]:
         """Return the changes; another time function has other keys."""

@@ -10,6 +10,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QApplication, QFileDialog, QWidget
 
+from spacemap_vtk.app.fields.first_values import round_value
 from spacemap_vtk.app.fields.loads_editor import TIME_DEFAULTS
 from spacemap_vtk.app.fields.record_cards import RecordCard, RecordCards
 from spacemap_vtk.app.widgets import restyle
@@ -55,8 +56,8 @@ class ObstaclesEditor(RecordCards):
         """Return the first values of a new obstacle: below the cloth, and smaller."""
         center = self.lowest + self.size * _BELOW[kind] * self.down
         step = 10.0 ** np.floor(np.log10(self.size * _DIGITS))
-        values = {"shape": kind, "center": [_rounded(round(c / step) * step) for c in center]}
-        up = [_rounded(part) + 0.0 for part in -self.down]
+        values = {"shape": kind, "center": [round_value(round(c / step) * step) for c in center]}
+        up = [round_value(part) + 0.0 for part in -self.down]
         if up != [0.0, 0.0, 1.0] and kind in ("plane", "disc", "box"):
             values["normal" if kind == "plane" else "axis"] = up
         return {**values, **self._sized(kind)}
@@ -154,12 +155,7 @@ class ObstaclesEditor(RecordCards):
             return {"file": QFileDialog.getOpenFileName(self, "Closed mesh of an obstacle")[0]}
         scaled = dict(_SIZES[kind])
         if "radius" in scaled:
-            scaled["radius"] = _rounded(self.size * scaled["radius"])
+            scaled["radius"] = round_value(self.size * scaled["radius"])
         if "size" in scaled:
-            scaled["size"] = [_rounded(self.size * side) for side in scaled["size"]]
+            scaled["size"] = [round_value(self.size * side) for side in scaled["size"]]
         return scaled
-
-
-def _rounded(length: float) -> float:
-    """Round a length to two digits, as a person would write it."""
-    return float(f"{length:.2g}")

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
+from spacemap_vtk.app.fields.first_values import FirstValues, round_value
 from spacemap_vtk.app.fields.record_cards import RecordCards
 from spacemap_vtk.filters.cage_fittings import Masses, Places, RigidPlaces, Springs
 from spacemap_vtk.filters.records import Record
@@ -122,12 +124,6 @@ _RECORDS: dict[type[Places], type[PlaceRecord]] = {
 }
 #: The parameters that this editor is for.
 PLACES = (Springs, Masses, RigidPlaces)
-#: Quantity of a new card.
-_FIRST: dict[type[PlaceRecord], dict[str, Any]] = {
-    SpringRecord: {"stiffness": 10.0},
-    MassRecord: {"mass": 1e-3},
-    RigidRecord: {},
-}
 
 
 class PlacesEditor(RecordCards):
@@ -138,6 +134,8 @@ class PlacesEditor(RecordCards):
         self._places = parameter
         super().__init__(parameter, [*SIDES, _SPHERE, _BOX, _MASK], self._record.noun)
         self._low, self._high = np.zeros(3), np.full(3, 0.01)
+        #: The shown cage, whose mass and stiffness new cards change a little; None without one.
+        self.cage: vtkUnstructuredGrid | None = None
 
     def set_bounds(self, bounds: Sequence[float]) -> None:
         """Set the bounds [m] of the object: new spheres and boxes are at its corner."""
@@ -154,7 +152,7 @@ class PlacesEditor(RecordCards):
 
     def first_values(self, kind: str) -> dict[str, Any]:
         """Return the first values of a new card."""
-        return {"shape": kind, **self._sized(kind), **_FIRST[self._record]}
+        return {"shape": kind, **self._sized(kind), **self._first_quantity()}
 
     def kind_of(self, record: PlaceRecord) -> str:
         """Return the shape of a place."""
@@ -165,7 +163,7 @@ class PlacesEditor(RecordCards):
         cleared = dict.fromkeys(("low", "high", "center", "radius", "name"))
         changes = {**cleared, "shape": kind, **self._sized(kind)}
         if kind not in SIDES and record._values.get("foundation") is not None:
-            changes |= {"foundation": None, **_FIRST[SpringRecord]}
+            changes |= {"foundation": None, **self._first_quantity()}
         return changes
 
     def change_value(self, record: PlaceRecord, name: str, value: Any) -> dict[str, Any]:
@@ -190,6 +188,12 @@ class PlacesEditor(RecordCards):
         if record.shape not in SIDES:
             quantities = quantities[:1]
         return names + quantities
+
+    def _first_quantity(self) -> dict[str, float]:
+        """Return the quantity of a new card."""
+        values = FirstValues.from_cage(self.cage)
+        found = {"stiffness": values.stiffness, "mass": values.mass}
+        return {n: round_value(found[n]) for n in self._record.quantities if n in found}
 
     def _sized(self, kind: str) -> dict[str, Any]:
         """Return a sphere or box at a corner of the object, where the cage has a vertex."""

@@ -102,4 +102,4 @@ def _format_error(error: BaseException) -> str:
         many = len(error.allowed) > _MAX_LENGTH and more
         text += f"; allowed: {first + ' and more' if many else error.allowed}"
     text += "."
-    return f"{text} {error.cure}" if error.cure else text
+    return f"{text} {error.window_cure}" if error.window_cure else text

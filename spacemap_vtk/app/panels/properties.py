@@ -11,6 +11,7 @@ from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QFrame, QLineEdit, QPushButton, QScrollArea, QSlider, QWidget
+from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.fields.basic_editors import FileEditor
@@ -97,12 +98,15 @@ class Properties(QScrollArea):
         self._results: dict[str, dict[str, Any]] = {}
         #: Values that the last run used for automatic parameters, by section and name.
         self._in_use: dict[str, Mapping[str, Any]] = {}
-        #: Bounds of the object [m] and gravity, see `set_bounds`.
+        #: Bounds of the object [m] and gravity, see `set_object`.
         self._bounds: tuple[Sequence[float], Sequence[float]] = (-0.05, 0.05) * 3, (0.0, 0.0, -1.0)
         #: Editor of the obstacles; made with its page.
         self._obstacles: ObstaclesEditor | None = None
-        #: Editors of springs, masses and rigid bodies; made with their page.
+        #: Editors of springs, masses and rigid bodies, and of loads; made with their pages.
         self._places: list[PlacesEditor] = []
+        self._loads: list[LoadsEditor] = []
+        #: The shown cage; None without one.
+        self._cage: vtkUnstructuredGrid | None = None
         self._next_limits = 0.0
         #: The last settings of which feasible intervals were computed, and these intervals.
         self._feasible: deque[tuple[dict[str, Any], dict[str, tuple[float, float]]]] = deque(
@@ -199,9 +203,16 @@ class Properties(QScrollArea):
         """The values of the section that are written in the scene file."""
         return self._document.values.get(self.section, {})
 
-    def set_bounds(self, bounds: Sequence[float], gravity: Sequence[float]) -> None:
-        """Set bounds [m] and gravity of the object; new obstacles fit to it and lie below it."""
-        self._bounds = bounds, gravity
+    def set_object(
+        self,
+        bounds: Sequence[float],
+        gravity: Sequence[float],
+        cage: vtkUnstructuredGrid | None,
+    ) -> None:
+        """Set bounds [m], gravity and cage of the object, to which new cards fit."""
+        self._bounds, self._cage = (bounds, gravity), cage
+        for loads in (*self._loads, *self._places):
+            loads.cage = cage
         if self._obstacles is not None:
             self._obstacles.set_bounds(bounds, gravity)
         for editor in self._places:
@@ -238,6 +249,8 @@ class Properties(QScrollArea):
         editor: Editor
         if isinstance(parameter, Loads):
             editor = LoadsEditor(parameter)
+            editor.cage = self._cage
+            self._loads.append(editor)
         elif isinstance(parameter, Obstacles):
             editor = self._obstacles = ObstaclesEditor(parameter)
             editor.set_bounds(*self._bounds)
@@ -247,6 +260,7 @@ class Properties(QScrollArea):
         elif isinstance(parameter, PLACES):
             editor = PlacesEditor(parameter)
             editor.set_bounds(self._bounds[0])
+            editor.cage = self._cage
             self._places.append(editor)
         elif isinstance(parameter, Insets):
             editor = InsetsEditor(parameter)
@@ -327,6 +341,7 @@ class Properties(QScrollArea):
 
     def _clear_results(self) -> None:
         self.select_obstacle(None)
+        self.set_object(*self._bounds, None)
         self._results, self._in_use = {}, {}
         self._next_limits = 0.0  # show the new scene's intervals without delay
         for row in self.rows.values():
@@ -386,7 +401,8 @@ class Properties(QScrollArea):
                 self._last_edited, row
             )  # the automatic value follows from the edited one
         if row is not None and error.section in (None, self.section):
-            row.mark_error(error.message + (f": {error.cure}" if error.cure else ""), kind)
+            cure = f": {error.window_cure}" if error.window_cure else ""
+            row.mark_error(f"{error.message}{cure}", kind)
             if row.parameter.group:
                 self.groups[row.parameter.group].head.setChecked(True)
             self.ensureWidgetVisible(row)

@@ -43,9 +43,13 @@ _MOVING_PATCHES = 120_000
 _MARGIN = 0.08
 #: Messages if the window shows only the sheet.
 TOO_FAR = (
-    "yarns are only {:.2g} pixels wide: a sheet in their colours is shown; zoom in to see them"
+    "the cloth is drawn as a sheet in the colours of its yarns, {:.2g} pixels wide; zoom in to see "
+    "the yarns"
 )
-TOO_MANY = "too many yarns are visible: a sheet in their colours is shown; zoom in to see them"
+TOO_MANY = (
+    "the cloth is drawn as a sheet in the colours of its yarns, as too many are in view; zoom in "
+    "to see the yarns"
+)
 
 
 class YarnPieces:
