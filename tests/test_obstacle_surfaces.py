@@ -10,11 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import pyvista as pv
+from scipy.spatial import cKDTree
 from test_every_format import usd_points
 
 from spacemap_vtk import ModalSolver, TetraCage, WeaveSource, connect
 from spacemap_vtk.datasets.arrays import points_of
-from spacemap_vtk.draw.actors.obstacle_shading import exposure, sample_surface
+from spacemap_vtk.draw.actors.obstacle_shading import (
+    exposure,
+    sample_surface,
+    smooth_over_edges,
+)
 from spacemap_vtk.draw.obstacles import show_obstacles
 from spacemap_vtk.draw.picture import Picture, motion_extent
 from spacemap_vtk.errors import InputError
@@ -87,6 +92,16 @@ def test_exposure_under_a_disc_is_that_of_the_closed_form() -> None:
         assert found[0] == pytest.approx(1 - radius**2 / (radius**2 + height**2), abs=0.03)
     aside = exposure(np.array([[5.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 1.0]]), disc, spacing)
     assert aside[0] == 1.0
+
+
+@pytest.mark.parametrize("surface", [turned_surface(0.5, 4.0, 0.1), box_surface(SIZE, EDGE)])
+def test_shade_has_no_seam_where_points_of_a_surface_coincide(surface: Surface) -> None:
+    shade = smooth_over_edges((surface.points[:, 0] > surface.points[:, 2]) * 1.0, surface)
+    places = np.hstack([surface.points, surface.normals])
+    apart = [abs(shade[i] - shade[j]) for i, j in cKDTree(places).query_pairs(1e-9)]
+    assert len(apart) > 100
+    assert max(apart) < 1e-12
+    assert np.unique(np.round(shade, 6)).size > 10  # it is smoothed
 
 
 #: A square of cloth on a round table, with the ground below.

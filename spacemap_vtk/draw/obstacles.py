@@ -66,7 +66,7 @@ def show_obstacles(
             casters = np.concatenate([points for points, _ in others])
             spacing = max(distance for _, distance in others)
             shade = exposure(each.points, each.normals, casters, spacing, directions)
-            light[number] = smooth_over_edges(shade, each.triangles)
+            light[number] = smooth_over_edges(shade, each)
     solid = [(part, shade) for part, shade in zip(found, light, strict=True) if part[0] != ENDLESS]
     level = [(part, shade) for part, shade in zip(found, light, strict=True) if part[0] == ENDLESS]
     planes = _join(level)

@@ -350,7 +350,8 @@ class Picture:
         has_overlays = scene_view.has_overlays
         # Signs and annotations are drawn after the solids have their shadows or all pieces.
         second_pass = pieces is not None or (has_shadows and has_overlays)
-        still = (scene_view.planes, scene_view.ghost, scene_view.ground)
+        # Bodies are shaded by `show_obstacles`; shadows from their depths would be dark rims.
+        still = (scene_view.bodies, scene_view.planes, scene_view.ghost, scene_view.ground)
         others = (*scene_view.markers, *still, *scene_view.overlays)
         later = [prop for prop in others if second_pass and prop.GetVisibility()]
         for prop in later:

@@ -142,7 +142,7 @@ class SceneView:
     @property
     def has_overlays(self) -> bool:
         """Whether anything is shown that casts no contact shadow."""
-        others = [*self.markers, self.surface.color_bar, self.sheet.color_bar]
+        others = [*self.markers, self.bodies, self.surface.color_bar, self.sheet.color_bar]
         if self.annotations.props[0].GetVisibility():
             others += [self.ghost, self.ground, self.planes]
             if self.annotations.has_content:

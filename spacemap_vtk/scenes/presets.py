@@ -667,7 +667,8 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
             cells[:2] = [count + count % 2 for count in cells[:2]]
             middle = 0.3 * float(width) / cells[0] + sheet.thickness
             fixed, friction = f"sphere({', '.join(map(str, _lengths(x, y, z, middle)))})", 0.0
-        leg = 0.62 * float(math.hypot(width, height)) - 0.3 * side * 0.5
+        # A corner hangs lower than the table's top by half a diagonal less the radius, at most.
+        leg = 0.5 * float(math.hypot(width, height)) - 0.2 * side
         obstacles = [
             {
                 "shape": "disc",
@@ -680,7 +681,7 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
             {
                 "shape": "cylinder",
                 "radius": _length(0.043 * side),
-                "height": _length(leg),
+                "height": _length(leg + 0.06 * side),  # its round ends are inside the others
                 "center": _lengths(x, y, z - thick - 0.5 * leg),
             },
             {

@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPolyData
 
 from spacemap_vtk.datasets.arrays import points_of
 from spacemap_vtk.mechanics.contact.obstacles import frame_along
+from spacemap_vtk.mechanics.contact.surfaces import Surface
 from spacemap_vtk.ndarrays import AnyInts, Floats, Singles
 
 #: Number of directions of light, on the whole sphere, and of samples of an object in the way.
@@ -82,15 +83,21 @@ def sample_surface(surface: vtkPolyData, count: int = SAMPLES) -> tuple[Floats, 
     return samples, math.sqrt(whole * (len(starts) - 1) / len(counts) / count)
 
 
-def smooth_over_edges(values: Floats, triangles: AnyInts) -> Floats:
+def smooth_over_edges(values: Floats, surface: Surface) -> Floats:
     """Average the values of points (n,) with their neighbours': directions cast no single edges."""
+    # Points with the same place and normal are one, so that no seam shows; 0.0 removes signs of 0.
+    places = np.hstack([surface.points / np.ptp(surface.points), surface.normals])
+    _, same = np.unique(np.round(places, 6) + 0.0, axis=0, return_inverse=True)
+    same = same.ravel()
+    triangles = same[surface.triangles]
     ends = np.concatenate([triangles, np.roll(triangles, 1, axis=1)]).ravel()
     others = np.concatenate([np.roll(triangles, 1, axis=1), triangles]).ravel()
+    values = np.bincount(same, values) / np.bincount(same)
     count = np.bincount(ends, minlength=len(values))
     for _ in range(_ROUNDS):
         sums = np.bincount(ends, values[others], len(values))
         values = np.where(count > 0, 0.5 * (values + sums / np.maximum(count, 1)), values)
-    return values
+    return values[same]
 
 
 def _fan(starts: AnyInts, counts: AnyInts, corners: AnyInts) -> AnyInts:

@@ -55,13 +55,14 @@ const float MOST_LIGHT = {MOST_LIGHT};
 #: Functions of the vertex shader; `lightYarns` sets all that the fragment shader needs.
 VERTEX_FUNCTIONS = """
 uniform sampler2D views;  // shares and exposures of normals, see ClothAppearance
-out vec4 lightVS[2];  // mean light of warp and weft if the yarns are black
-out vec2 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
-out vec2 gainVS;  // light relative to that of the tiles
-out vec2 coverGainVS;  // share of a crossing relative to that seen from the face
-out vec2 openVS;  // share of a crossing that is open, and relative to that of the tiles
-out float heightVS;
-out vec3 warpVS, weftVS, eyeVS;
+// Without `centroid`, they would be extrapolated in pixels that a fold only grazes.
+centroid out vec4 lightVS[2];  // mean light of warp and weft if the yarns are black
+centroid out vec2 bounceVS, spreadVS;  // its growth if yarns are white, and its relative deviation
+centroid out vec2 gainVS;  // light relative to that of the tiles
+centroid out vec2 coverGainVS;  // share of a crossing relative to that seen from the face
+centroid out vec2 openVS;  // share of a crossing that is open, and relative to that of the tiles
+centroid out float heightVS;
+centroid out vec3 warpVS, weftVS, eyeVS;
 
 // Column of the table of views, interpolated between four of them.
 vec4 sharesOf(int column, int face, int rows, int left, int right, float aside, float steep)
@@ -158,10 +159,10 @@ vec3 encoded(vec3 light)
 
 #: Functions of the fragment shader, after `CODES`; `sheetLight` returns the light of a pixel.
 FRAGMENT_FUNCTIONS = """
-in vec4 lightVS[2];
-in vec2 bounceVS, spreadVS, gainVS, coverGainVS, openVS;
-in float heightVS;
-in vec3 warpVS, weftVS, eyeVS;
+centroid in vec4 lightVS[2];
+centroid in vec2 bounceVS, spreadVS, gainVS, coverGainVS, openVS;
+centroid in float heightVS;
+centroid in vec3 warpVS, weftVS, eyeVS;
 
 // Hue of a code in the textures: see `response`.
 vec3 hueOf(vec3 code)
@@ -311,7 +312,7 @@ vec3 sheetLight(vec2 coordinates, vec3 hue)
   // rotated against the yarns, a rectangle with the same spread along both families.
   vec2 place = coordinates * crossings, right = dFdx(place), above_ = dFdy(place);
   vec2 aside = (floor(gl_FragCoord.xy / grain) + 0.5) * grain - gl_FragCoord.xy;
-  place += aside.x * right + aside.y * above_;
+  place = clamp(place + aside.x * right + aside.y * above_, vec2(0.0), crossings);
   vec2 reach = max(grain * sqrt(right * right + above_ * above_), vec2(1e-4));
   vec3 open_ = decoded(mix(mix(below, above, heightVS), hole.rgb, hole.a));
   // Without a blend, an edge would show where obliquely viewed cloth loses the form of its yarns.
