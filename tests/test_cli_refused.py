@@ -141,11 +141,16 @@ def test_a_bad_scene_gives_one_message_and_writes_nothing(
         (["render", "plain_weave", "-o"], ["-o requires", "render --help"]),
         (["render", "plain_weave", "-o", "a.png", "--bogus"], ["--bogus", "render --help"]),
         (["render", "-o", "a.png"], ["needs SCENE"]),
+        # An unknown option comes first; what it should have been may be what is missing.
+        (["render", "a.wif", "--drap"], ["Unknown option: --drap. Did you mean --drape?"]),
+        (["render", "a.wif", "-O", "b.png"], ["Unknown option: -O"]),
+        (["render", "a.wif"], ["needs --output, for example -o picture.png"]),
+        (["render", "a.wif", "b.png"], ["needs --output, for example -o b.png"]),
         (
             ["render", __file__, "-o", "a.png"],
             [
                 __file__,
-                "the ending is not that of a scene, draft or mesh",
+                "the ending is not that of a scene, draft, mesh or textile",
                 ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .vtu, .vtp, .vtkhdf, .vtk",
             ],
         ),
@@ -153,8 +158,19 @@ def test_a_bad_scene_gives_one_message_and_writes_nothing(
         (["render", "plain_weave", "-o", f"{__file__}/a.png"], ["is a file, not a folder"]),
         (["render", "plain_weave", "-o", "a.png", "--color", "gold"], ["--color", '"clearance"']),
         (
-            ["render", "plain_weave", "-o", "a.png", "--set", "object.file=no.ply"],
-            ["spacemap: object.file: no.ply: no such file"],  # the scene's file is not to blame
+            ["render", "plain_weave", "-o", "a.png", "--set", "weave.draft=no.wif"],
+            ['spacemap: weave.draft = "no.wif": no such file'],  # the scene's file is not to blame
+        ),
+        (
+            ["render", "plain_weave", "-o", "a.png", "--set", "textile.file=x.tg3"],
+            [
+                'spacemap: textile.file = "x.tg3": the scene has a section [weave]',
+                'Open the file alone, as with "spacemap render x.tg3 -o picture.png".',
+            ],
+        ),
+        (
+            ["info", "stockinette", "--set", "weave.pattern=plain"],
+            ["weave.pattern", "the scene has a section [textile]", '(see "spacemap scenes")'],
         ),
         (["animate", "plain_weave", "-o", "f%s.png"], ["one number", "f-%04d.png"]),
         (["animate", "plain_weave", "-o", "f%d%04d.png"], ["one number", "f-%04d.png"]),

@@ -17,7 +17,9 @@ import pytest
 from spacemap_vtk.cli.main import main
 from spacemap_vtk.errors import SizeError
 from spacemap_vtk.memory import available_bytes, available_in_cgroups, require_memory
+from spacemap_vtk.scenes import presets
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.stage_memory import estimate_stages
 
 GIB = 2**30
 
@@ -165,7 +167,9 @@ def test_picture_too_large_for_its_container_is_refused(tight_group: Path, tmp_p
 
 CHILD = """
 import gc, json, sys
+from spacemap_vtk.scenes import presets
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.stage_memory import estimate_stages
 
 def status(name):
     rows = open("/proc/self/status").read().splitlines()
@@ -186,12 +190,12 @@ def ready(values):
 few = {key: dict(part) for key, part in values.items()}
 few["weave"].update(ends=80, picks=80)
 if "divisions" in few.get("cage", {}):
-    few["cage"]["divisions"] = [3, 3, 1]
+    few["cage"]["divisions"] = [12, 12, 1]
 scene, stage = ready(few)
 scene.update_stage(stage, time)
 scene, stage = ready(values)
 found = sys.modules[f"spacemap_vtk.filters.{module}"]
-found.require = lambda size, *_, **__: stated.append(size)
+found.require_memory = lambda size, *_, **__: stated.append(size)
 gc.collect()
 open("/proc/self/clear_refs", "w").write("5")
 before = status("VmRSS")
@@ -243,8 +247,96 @@ def test_estimate_for_a_stage_is_within_a_factor_of_two(
         text=True,
         check=True,
         timeout=600,
-        env={**os.environ, **kept, "SPACEMAP_CACHE": "off", "MALLOC_ARENA_MAX": "1"},
+        env={
+            **os.environ,
+            **kept,
+            **{"SPACEMAP_CACHE": "off", "SPACEMAP_COMPILED": "always", "MALLOC_ARENA_MAX": "1"},
+        },
     )
     estimate, peak = json.loads(done.stdout)
     print(f"{role} {values}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
     assert peak / 2 < estimate < 2 * peak
+
+
+def test_a_scene_that_does_not_fit_is_refused_before_any_stage_works(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = presets.apply("plain_weave", "drape", size=(0.2, 0.2))
+    needed = estimate_stages(scene.stages)
+    assert needed is not None
+    # 400 x 400 crossings at 80 kB each, as the nightly test measures smaller cloths.
+    assert needed(4) == pytest.approx(400**2 * 80e3, rel=0.2)
+    monkeypatch.setattr("spacemap_vtk.memory.available_bytes", lambda: 4 * GIB)
+    with pytest.raises(SizeError, match=r"a scene with 400 x 400 yarns .* 13.1 GiB") as caught:
+        scene.update(0.0)
+    assert all(stage.executions == 0 for stage in scene.stages)
+    message = str(caught.value)
+    assert "weave.ends = 400: " in message
+    found = re.search(r"use fewer ends and picks, about (\d+) x \1\.", message, re.IGNORECASE)
+    assert found is not None
+    # What the message proposes fits.
+    scene.source.ends = scene.source.picks = int(found[1])
+    assert estimate_stages(scene.stages)(4) <= 4 * GIB
+
+
+WHOLE = """
+import gc, json, sys
+from spacemap_vtk.scenes.presets import apply
+from spacemap_vtk.scenes import presets
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.stage_memory import estimate_stages
+from spacemap_vtk.scenes.stage_memory import estimate_stages
+
+def status(name):
+    rows = open("/proc/self/status").read().splitlines()
+    return next(1024 * int(row.split()[1]) for row in rows if row.startswith(name))
+
+def ready(size):
+    scene = apply(name, preset, size=size) if preset else Scene.read(name)
+    for text in sets:
+        scene.set(text)
+    return scene
+
+name, preset, size, sets = json.loads(sys.argv[1])
+ready(0.015).update(0.0)  # what is loaded and compiled is there before
+scene = ready(size)
+gc.collect()
+open("/proc/self/clear_refs", "w").write("5")
+before = status("VmRSS")
+scene.update(0.0)
+needed = estimate_stages(scene.stages)(scene.surface.sides)
+print(json.dumps([needed, status("VmHWM") - before]))
+"""
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(sys.platform != "linux", reason="measures as Linux does")
+@pytest.mark.parametrize(
+    ("name", "preset", "size", "sets"),
+    [
+        ("plain_weave", "drape", 0.05, []),
+        ("plain_weave", "swing", 0.05, []),
+        ("plain_weave", "hang", 0.05, ["weave.precision=single", "surface.subdivisions=2"]),
+        ("plain_weave", "", 0.0, ["weave.ends=100", "weave.picks=100"]),
+        ("plain_weave", "", 0.0, ["weave.ends=80", "weave.picks=80", "warp.smooth=true"]),
+        ("twill_2_2", "", 0.0, ["weave.ends=120", "weave.picks=120"]),
+        ("leno", "hang", 0.05, []),
+        ("stockinette", "drape", 0.12, []),
+    ],
+    ids=str,
+)
+def test_estimate_for_a_scene_is_within_a_factor_of_one_and_a_half(
+    name: str, preset: str, size: float, sets: list[str]
+) -> None:
+    kept = {"MALLOC_MMAP_THRESHOLD_": "131072", "MALLOC_TRIM_THRESHOLD_": "131072"}
+    done = subprocess.run(
+        [sys.executable, "-c", WHOLE, json.dumps([name, preset, size, sets])],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=600,
+        env={**os.environ, **kept, "SPACEMAP_COMPILED": "always", "MALLOC_ARENA_MAX": "1"},
+    )
+    estimate, peak = json.loads(done.stdout)
+    print(f"{name} {preset} {sets}: estimated {estimate / 1e6:.0f} MB, taken {peak / 1e6:.0f} MB")
+    assert peak / 1.5 < estimate < 1.5 * peak

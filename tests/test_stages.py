@@ -321,9 +321,9 @@ def test_sections_choose_the_stages_of_a_scene() -> None:
     assert still.stage("mover") is None
     still.set("modal.modes=6")
     assert tuple(stage.role for stage in still.stages) == ROLES
-    still.set("motion.file=sheet.pvd")
+    still.assign("motion", "file", "sheet.pvd")
     assert [stage.section for stage in still.stages] == ["weave", "motion", "warp", "surface"]
-    still.set("object.file=model.ply")
+    still.assign("object", "file", "model.ply")
     assert still.source is still.object
     assert "yarn" not in still.arrays
 

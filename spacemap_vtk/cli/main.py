@@ -7,12 +7,14 @@ import gc
 import io
 import logging
 import os
+import re
 import signal
 import sys
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 
 from cyclopts import (
@@ -21,6 +23,7 @@ from cyclopts import (
     Group,
     MissingArgumentError,
     RepeatArgumentError,
+    Token,
     UnknownOptionError,
     UnusedCliTokensError,
 )
@@ -116,6 +119,12 @@ EXTENSIONS = {
 for _name, _function in EXTENSIONS.items():
     app.command(_function, name=_name)
 
+#: Names of output files in messages.
+_FILES = {
+    "spacemap render": "picture.png",
+    "spacemap animate": "film.gif",
+    "spacemap export": "cloth.glb",
+}
 _NULL_HANDLER = logging.NullHandler()
 #: Errors of the stream to which a command prints, for example a file or another program.
 _STREAM_ERRORS = (errno.ENOSPC, errno.EFBIG, errno.EIO, errno.EPIPE)
@@ -258,7 +267,7 @@ def _usage_message(error: CycloptsError) -> str:
     if isinstance(error, UnusedCliTokensError):
         text = f'"{command}" does not accept "{" ".join(error.unused_tokens or ())}".'
     elif isinstance(error, MissingArgumentError) and argument and not error.keyword:
-        text = f'"{command}" needs {argument.name}.'
+        text = _missing_message(error, command, argument.name)
     elif isinstance(error, RepeatArgumentError):
         text = f"{error.token.keyword} can be given only once."
         if error.token.keyword == "--time":
@@ -266,6 +275,19 @@ def _usage_message(error: CycloptsError) -> str:
     elif isinstance(error, UnknownOptionError) and error.token.keyword == "--times":
         text = f'"{command}" does not support --times. {SEVERAL_TIMES_HINT}'
     return f'{text} See "{command} --help".'
+
+
+def _missing_message(error: MissingArgumentError, command: str, missing: str) -> str:
+    """Return what is missing, or which unknown option is the likely reason."""
+    words = error.unused_tokens or []
+    unknown = next((word for word in words if re.match(r"--?[a-zA-Z]", word)), None)
+    if unknown is not None:
+        token = Token(keyword=unknown.partition("=")[0], source="cli")
+        known = app[command.removeprefix("spacemap ")].assemble_argument_collection()
+        return str(UnknownOptionError(token=token, argument_collection=known, verbose=False))
+    file = next((word for word in words if Path(word).suffix), _FILES.get(command))
+    example = f", for example -o {file}" if file and missing == "--output" else ""
+    return f'"{command}" needs {missing}{example}.'
 
 
 def _discard_output() -> None:

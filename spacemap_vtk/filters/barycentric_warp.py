@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkCommonDataModel import vtkPointSet, vtkPolyData, vtkUnstructuredGrid
 from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
@@ -39,7 +39,7 @@ from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.algorithm import SAME_AS_INPUT
 from spacemap_vtk.filters.base import ProvidedArray, Stage
 from spacemap_vtk.filters.shape_limits import check_yarns
-from spacemap_vtk.memory import require_memory
+from spacemap_vtk.memory import ArrayPool, require_memory
 from spacemap_vtk.ndarrays import AnyInts, Floats, Ints
 from spacemap_vtk.parallel import MANY_POINTS, blocks, for_each
 from spacemap_vtk.parameters import Choice, Flag, Text
@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-#: Points per block when offsets are added; a block stays in the cache.
-_BLOCK = 2**14
+#: Rings per block when offsets are added; the points of a block stay in the cache.
+_BLOCK = 2**10
 
 
 class BarycentricWarp(Stage):
@@ -101,7 +101,7 @@ class BarycentricWarp(Stage):
     )
 
     _embedding: _Embedding | None = None
-    _foot_points: vtkPolyData | None = None
+    _rings: _Rings | None = None
     _color_array = ""
 
     @property
@@ -128,27 +128,30 @@ class BarycentricWarp(Stage):
         if self.piece.total > 1 and inputs[0].GetNumberOfPoints() == 0:
             output.ShallowCopy(inputs[0])  # this process has no points
             return
-        points = self._points_in_cage(inputs[0])
-        prepared = self._embed(points, inputs[1])
+        rings = self._find_rings(inputs[0])
+        points = inputs[0] if rings is None else rings.feet
+        prepared = self._embed(points, inputs[1], inputs[0].GetNumberOfPoints())
         field = array_of(inputs[1].GetPointData(), "displacement", "BarycentricWarp, on port 1,")
         moved, displacement = prepared.interpolation.displace(points_of(points), field)
         output.ShallowCopy(inputs[0])
         data = output.GetPointData()
-        if points is not inputs[0]:
-            _add_offsets(moved, array_of(data, OFFSET, "BarycentricWarp"), displacement, inputs[0])
+        if rings is not None:
+            offset = array_of(data, OFFSET, "BarycentricWarp")
+            moved, displacement = rings.add_offsets(moved, offset, points_of(inputs[0]))
             for name in (FOOT, OFFSET):
                 data.RemoveArray(name)
         output.SetPoints(to_points(moved))
         normals = data.GetNormals()
         if normals is not None:
-            turned = prepared.rotate_normals(vtk_to_numpy(normals), field)
+            turned = prepared.rotate_normals(vtk_to_numpy(normals), field, rings)
             data.SetNormals(to_array(turned, normals.GetName()))
         if output.GetCellData().GetNormals() is not None:
             _update_cell_normals(output)
         add_array(data, "displacement", displacement)
         for name in self._carried_names(inputs[1]):
             values = self._vertex_values(inputs[1], prepared, name)
-            add_array(data, name, prepared.interpolation.apply(values).astype(np.float32))
+            carried = prepared.interpolation.apply(values).astype(np.float32)
+            add_array(data, name, carried if rings is None else rings.repeat(carried))
         self._check_yarns(inputs[0], inputs[1])
 
     def _check_yarns(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> None:
@@ -160,17 +163,15 @@ class BarycentricWarp(Stage):
         keeps_length = points.GetPointData().HasArray(OFFSET) == 1
         check_yarns(self, points, strain, keeps_length)
 
-    def _points_in_cage(self, points: vtkPointSet) -> vtkPointSet:
-        """Return the points to embed in the cage: those given, or the feet of yarns."""
+    def _find_rings(self, points: vtkPointSet) -> _Rings | None:
+        """Return the rings of yarns whose feet move with the cage; None for any other object."""
         feet = points.GetPointData().GetArray(FOOT)
         if feet is None or not points.GetPointData().HasArray(OFFSET):
-            return points
-        # Making points of the array marks it as changed, so this is done only once.
-        if self._foot_points is None or self._foot_points.GetPoints().GetData() is not feet:
-            self._foot_points, places = vtkPolyData(), vtkPoints()
-            places.SetData(feet)
-            self._foot_points.SetPoints(places)
-        return self._foot_points
+            return None
+        # Making points of the array marks them as changed, so this is done only once.
+        if self._rings is None or self._rings.array is not feet:
+            self._rings = _Rings(feet)
+        return self._rings
 
     def _vertex_values(self, cage: vtkUnstructuredGrid, prepared: _Embedding, name: str) -> Floats:
         at_points, of_cells = cage.GetPointData(), cage.GetCellData()
@@ -194,7 +195,8 @@ class BarycentricWarp(Stage):
         table = values.reshape(len(values), -1).astype(np.float64, copy=False)
         return table if at_points.GetArray(name) is not None else prepared.averages @ table
 
-    def _embed(self, points: vtkPointSet, cage: vtkUnstructuredGrid) -> _Embedding:
+    def _embed(self, points: vtkPointSet, cage: vtkUnstructuredGrid, moved: int) -> _Embedding:
+        """Return where points lie in the cage; `moved` is the number of points that they move."""
         kept = self._embedding
         if kept is None or not kept.matches((self.outside, self.smooth), points, cage):
             vertices = points_of(cage).astype(np.float64, copy=False)
@@ -214,7 +216,14 @@ class BarycentricWarp(Stage):
             ]
             single = points_of(points).dtype.itemsize == 4
             require_memory(
-                estimate_bytes(count, elements.shape[1], self.smooth, sum(riding), single),
+                estimate_bytes(
+                    moved,
+                    elements.shape[1],
+                    self.smooth,
+                    sum(riding),
+                    single,
+                    None if count == moved else count,
+                ),
                 f"to embed {count} points in the cage",
                 cure="Use fewer ends and picks, or a coarser object.",
             )
@@ -262,7 +271,12 @@ class BarycentricWarp(Stage):
 
 
 def estimate_bytes(
-    points: int, nodes: int = 4, smooth: bool = False, columns: int = 0, single: bool = False
+    points: int,
+    nodes: int = 4,
+    smooth: bool = False,
+    columns: int = 0,
+    single: bool = False,
+    embedded: int | None = None,
 ) -> int:
     """Estimate the memory for embedded points.
 
@@ -278,20 +292,63 @@ def estimate_bytes(
         Components of the cage's arrays that are interpolated.
     single : bool, optional
         Whether points are in single precision.
+    embedded : int, optional
+        Number of rings of yarns, whose feet are embedded; by default all points are.
 
     Returns
     -------
     int
         Bytes.
     """
-    # Position and displacement; tetrahedron; arrays in single precision, and one of them, of up to
-    # six components, in double precision.
-    size = points * (2 * (12 if single else 24) + 4 + 4 * columns + 8 * min(columns, 6))
+    each = 12 if single else 24
+    # Position and displacement, and arrays in single precision.
+    size = points * (2 * each + 4 * columns)
+    if embedded is not None:
+        size += embedded * (3 * each + 8)  # feet, moved, displaced; number of points
+    # Tetrahedron; one of the arrays, of up to six components, in double precision.
+    own = 4 + 8 * min(columns, 6)
     if nodes > 4 or smooth:
         # Whether the point is outside; weights of the corners; and weights of all nodes, or, for
         # the spline, of values and gradients at the corners.
-        size += points * (1 + 8 * (4 + (16 if smooth else nodes)))
-    return size
+        own += 1 + 8 * (4 + (16 if smooth else nodes))
+    return size + (points if embedded is None else embedded) * own
+
+
+class _Rings:
+    """Rings of yarns: their control points follow each other, and have the same foot."""
+
+    def __init__(self, feet: vtkDataArray) -> None:
+        each = vtk_to_numpy(feet)
+        first = np.ones(len(each), np.bool_)
+        np.any(each[1:] != each[:-1], axis=1, out=first[1:])
+        #: The array of the feet of all points.
+        self.array = feet
+        self._begin = np.append(np.flatnonzero(first), len(each))
+        self._counts = np.diff(self._begin)
+        #: One foot for each ring.
+        self.feet = vtkPolyData()
+        self.feet.SetPoints(to_points(each[first]))
+        self._recycler = ArrayPool()
+
+    def repeat(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Repeat values of rings for their control points."""
+        return np.repeat(values, self._counts, axis=0)
+
+    def add_offsets(
+        self, feet: NDArray[Any], offset: NDArray[Any], rest: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the control points from moved feet, and their displacement from rest."""
+        moved, displacement = (self._recycler.empty(rest.shape, rest.dtype) for _ in range(2))
+
+        def add(rings: slice) -> None:  # in blocks, which stay in the cache
+            rows = slice(self._begin[rings.start], self._begin[rings.stop])
+            np.add(
+                np.repeat(feet[rings], self._counts[rings], axis=0), offset[rows], out=moved[rows]
+            )
+            np.subtract(moved[rows], rest[rows], out=displacement[rows])
+
+        for_each(blocks(len(feet), _BLOCK), lambda: add)
+        return moved, displacement
 
 
 @dataclass
@@ -328,29 +385,18 @@ class _Embedding:
         return AffineInterpolation(np.empty((0, 3)), self.location, self.vertices, self.elements)
 
     def rotate_normals(
-        self, normals: NDArray[Any], displacement: NDArray[Any]
+        self, normals: NDArray[Any], displacement: NDArray[Any], rings: _Rings | None = None
     ) -> NDArray[np.float32]:
-        each: AnyInts = np.arange(len(normals))
+        each: AnyInts = np.arange(len(self.location.tetrahedron))
         if isinstance(self._gradients, QuadraticGradients):
             gradients = self._gradients.compute(displacement)
         else:
             gradients = self._gradients.gradients(displacement)
             if isinstance(self._gradients, AffineInterpolation):
                 each = self.location.tetrahedron
+        if rings is not None:
+            each = rings.repeat(each)
         return deform_normals(normals, cofactors(gradients), each)
-
-
-def _add_offsets(
-    moved: NDArray[Any], offset: NDArray[Any], displacement: NDArray[Any], rest: vtkPointSet
-) -> None:
-    """Add the offsets of points from their feet; compute displacements from the rest shape."""
-    points = points_of(rest)
-
-    def add(rows: slice) -> None:  # in blocks, which stay in the cache
-        moved[rows] += offset[rows]
-        np.subtract(moved[rows], points[rows], out=displacement[rows], casting="same_kind")
-
-    for_each(blocks(len(moved), _BLOCK), lambda: add)
 
 
 def _update_cell_normals(output: vtkPointSet) -> None:

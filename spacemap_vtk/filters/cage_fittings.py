@@ -51,9 +51,14 @@ class Places(Parameter[tuple[str, ...]]):
         texts = [value] if isinstance(value, str) else value
         if not isinstance(texts, Iterable) or not all(isinstance(t, str) for t in texts):
             raise InputError("must be a string or a list of strings")
-        found = dict.fromkeys(str(place) for text in texts for place in self.read(text))
+        found = {str(place): place for text in texts for place in self.read(text)}
         rank = {side: number for number, side in enumerate(SIDES)}
-        return tuple(sorted(found, key=lambda text: (rank.get(text[:2], len(rank)), text)))
+
+        def order(text: str) -> tuple[Any, ...]:
+            place = found[text]
+            return rank.get(place.shape, len(rank)), place.shape, place.numbers, text
+
+        return tuple(sorted(found, key=order))
 
     def text(self, value: tuple[str, ...]) -> str:
         """Join the places to one string."""

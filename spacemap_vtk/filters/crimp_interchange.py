@@ -224,7 +224,7 @@ class CrimpInterchange(YarnParameters, Stage):
             return kept
         count = weave.GetNumberOfPoints()
         require_memory(
-            estimate_bytes(count),
+            estimate_bytes(count, points_of(weave).dtype.itemsize == 4),
             f"crimp interchange of yarns with {count} control points",
             cure="Use fewer ends and picks, or remove [yarns].",
         )
@@ -237,9 +237,12 @@ class CrimpInterchange(YarnParameters, Stage):
         )
         recrimp = CrimpGeometry(cloth, share)
         points = points_of(weave)
-        feet = recrimp.repeat_rings(recrimp.feet)
-        woven = feet + recrimp.rest_offsets
-        if len(woven) != len(points) or abs(woven - points).max() > _APART * abs(woven).max():
+        feet, apart = recrimp.repeat_rings(recrimp.feet), recrimp.rest_offsets
+        if len(apart) == len(points):
+            # In place: a large cloth has gigabytes of points.
+            apart += feet
+            apart -= points
+        if len(apart) != len(points) or _largest(apart) > _APART * _largest(points):
             raise InputError(
                 "the points on port 0 have been moved",
                 cure="Connect WeaveSource directly, and move the result after BarycentricWarp",
@@ -258,13 +261,20 @@ class CrimpInterchange(YarnParameters, Stage):
         return self._kept
 
 
-def estimate_bytes(points: int) -> int:
+def _largest(values: NDArray[Any]) -> float:
+    """Return the largest absolute value; needs no memory."""
+    return float(max(values.max(), -values.min()))
+
+
+def estimate_bytes(points: int, single: bool = False) -> int:
     """Estimate the memory for yarns that keep their length.
 
     Parameters
     ----------
     points : int
         Number of control points.
+    single : bool, optional
+        Whether points are in single precision.
 
     Returns
     -------
@@ -272,7 +282,7 @@ def estimate_bytes(points: int) -> int:
         Bytes.
     """
     # Feet and offsets; for each ring of twelve points its slopes, their weights and its frames.
-    return points * (24 + 24 + 1000 // 12)
+    return points * (2 * (12 if single else 24) + 500 // 12)
 
 
 class _CrossingState(NamedTuple):

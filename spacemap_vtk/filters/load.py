@@ -98,7 +98,7 @@ class Load(Record):
         False, "Keep a pressure normal to its side as the side turns; needs [transient]."
     )
     traction = Vector(None, "Force per area of a side.", component=Real(0.0, "", unit="Pa"))
-    force = Vector(None, "Force on a vertex.", component=Real(0.0, "", unit="N"))
+    force = Vector(None, "Force at a point.", component=Real(0.0, "", unit="N"))
     array = Text("", "Name of a point array of the cage: a force in N on each vertex.")
     gravity = Vector(
         None,
@@ -118,7 +118,7 @@ class Load(Record):
     on = Choice("", "Side of the cage's bounding box.", ["", *SIDES])
     at = Vector(
         None,
-        "Point of a force, which acts on the nearest vertex.",
+        "Point of a force, which acts on the nearest vertex; equally near ones share it.",
         component=Real(0.0, "", unit="m"),
     )
     time = Choice(

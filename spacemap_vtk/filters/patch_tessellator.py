@@ -59,6 +59,8 @@ _CHORD = 0.19
 #: Most subdivisions of a surface with the same number everywhere. In close-ups only the visible
 #: part gets more.
 MOST_SIDES = 12
+#: Bytes of yarn, family and colour of a polygon.
+LABEL_BYTES = 4 + 4 + 3
 
 
 class PatchTessellator(Stage):
@@ -393,7 +395,9 @@ def polygons_of(data: vtkDataSet) -> vtkPolyData:
     return maker.GetOutput()
 
 
-def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
+def estimate_bytes(
+    patches: int, subdivisions: int, columns: int = 0, labels: int = LABEL_BYTES
+) -> int:
     """Estimate the memory for the surface of patches.
 
     Parameters
@@ -404,6 +408,8 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
         Subdivisions along each side of a patch.
     columns : int, optional
         Components of the point arrays that are interpolated.
+    labels : int, optional
+        Bytes of the cell arrays for each polygon.
 
     Returns
     -------
@@ -412,10 +418,10 @@ def estimate_bytes(patches: int, subdivisions: int, columns: int = 0) -> int:
     """
     samples, polygons = patches * (subdivisions + 1) ** 2, patches * subdivisions**2
     # Positions, normals and interpolated arrays in float32. For each polygon four point numbers, an
-    # offset, yarn, family and colour. For each patch its control points, its labels and the
-    # direction of its fibres.
+    # offset and labels. For each patch its control points, its labels and the direction of its
+    # fibres.
     number = 8 if 4 * polygons >= 2**31 else 4
-    return samples * 4 * (6 + columns) + polygons * (5 * number + 11) + patches * 180
+    return samples * 4 * (6 + columns) + polygons * (5 * number + labels) + patches * 180
 
 
 class _Group:
@@ -477,9 +483,13 @@ class _PreparedPatches:
                 allowed="as many control points along both parameters",
             )
         columns = sum(a.GetNumberOfComponents() for a in _numeric_arrays(grid.GetPointData()))
+        labels = sum(
+            a.GetNumberOfComponents() * a.GetDataTypeSize()
+            for a in _numeric_arrays(grid.GetCellData())
+        )
         sides, counts = np.unique(np.broadcast_to(subdivisions, len(patches)), return_counts=True)
         need = sum(
-            estimate_bytes(int(count), int(each), columns)
+            estimate_bytes(int(count), int(each), columns, labels)
             for each, count in zip(sides, counts, strict=True)
         )
         require_memory(

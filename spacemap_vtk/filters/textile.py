@@ -13,7 +13,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.partition import cloth_bounds
-from spacemap_vtk.textile.geometry.weave import PatchCounts
+from spacemap_vtk.textile.geometry.weave import PatchCounts, estimate_bytes, estimate_counts
 from spacemap_vtk.textile.weave.cloth import FAMILIES, Cloth
 from spacemap_vtk.textile.weave.yarn import section_factor
 
@@ -93,6 +93,10 @@ class Textile:
 
     def make_draft(self) -> Draft | None:
         """Return the draft for weaving the textile on a loom; None if it cannot be woven."""
+        return None
+
+    def estimate_patches(self) -> tuple[PatchCounts, int] | None:
+        """Return upper limits of the patches, and the memory for them [bytes]; None if unknown."""
         return None
 
     def around_repeat(self) -> Any:
@@ -192,6 +196,10 @@ class Woven(Textile):
     def single(self) -> bool:
         """Whether control points are stored in single precision."""
         return False
+
+    def estimate_patches(self) -> tuple[PatchCounts, int]:
+        """Return upper limits of the patches, and the memory for them [bytes]."""
+        return estimate_counts(self.cloth), estimate_bytes(self.cloth, self.single)
 
     def lend(self, other: Woven, part: YarnSelection | None = None) -> None:
         """Let another source of the same class and settings make all or part of this cloth.

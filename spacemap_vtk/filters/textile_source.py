@@ -16,6 +16,7 @@ from spacemap_vtk.filters.textiles import KINDS
 from spacemap_vtk.filters.textiles.kind import TextileKind, combine
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.textile.geometry.weave import PatchCounts
 from spacemap_vtk.textile.rods.pieces import repeat_yarns
 from spacemap_vtk.textile.rods.tubes import sweep_yarns
 
@@ -23,6 +24,9 @@ from spacemap_vtk.textile.rods.tubes import sweep_yarns
 _AROUND = 5
 #: Bytes for each part of a tube, measured and rounded up.
 _PART_BYTES = 2000
+#: Control points and patches of each part: three rings of twelve points.
+_PART_POINTS = 36
+_PART_PATCHES = 4
 
 
 class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[misc]
@@ -101,6 +105,11 @@ class TextileSource(combine(KINDS, ["knit"]), Textile, Stage):  # type: ignore[m
     def figures(self) -> list[FabricFigure]:
         """Figures of the kind, thickness, mass, and the largest overlap."""
         return self._textile.all_figures()
+
+    def estimate_patches(self) -> tuple[PatchCounts, int]:
+        """Return the numbers of patches without those of ends, and the memory for them [bytes]."""
+        parts = self._textile.parts
+        return PatchCounts(_PART_POINTS * parts, _PART_PATCHES * parts, parts), _PART_BYTES * parts
 
     #: Number of cells along both periods that are made instead of the piece; None: the piece.
     _cells: tuple[int, int] | None = None

@@ -38,6 +38,8 @@ READ = {
     "yarns": "`textile.rods.curves.CurveSet`",
     "knit": "`yarns.knitout.KnitoutFile`",
 }
+#: Keys of `READ` that open as a scene.
+SCENE_KINDS = ("scene", "draft", "mesh", "knit", "yarns")
 #: Reasons why a path cannot be read as a file.
 NO_SUCH_FILE = "no such file"
 IS_FOLDER = "a folder, not a file"
@@ -238,9 +240,9 @@ def reader_endings(holds: str, common: bool = False) -> list[str]:
 
 
 def kind_of(path: Path) -> str | None:
-    """Return "scene", "draft", "knit" or "mesh" by the file's ending, or None."""
-    kinds = ("scene", "draft", "knit", "mesh")
-    return next((kind for kind in kinds if path.suffix.lower() in reader_endings(kind)), None)
+    """Return "scene", "draft", "knit", "yarns" or "mesh" by the file's ending, or None."""
+    ending = path.suffix.lower()
+    return next((kind for kind in SCENE_KINDS if ending in reader_endings(kind)), None)
 
 
 def writer_endings(holds: str | None = None) -> dict[str, str]:
@@ -273,10 +275,12 @@ def endings_with_alpha(holds: str) -> list[str]:
 def describe_scene_files() -> str:
     """Describe in words what can be opened as a scene."""
     meshes = ", ".join([*reader_endings("mesh", common=True), "..."])
-    scenes, drafts, knits = (", ".join(reader_endings(kind)) for kind in ("scene", "draft", "knit"))
+    scenes, drafts, knits, yarns = (
+        ", ".join(reader_endings(kind)) for kind in ("scene", "draft", "knit", "yarns")
+    )
     return (
         f"a scene file ({scenes}), a weaver's draft ({drafts}), a mesh ({meshes}), a machine "
-        f"knitting file ({knits})"
+        f"knitting file ({knits}), yarns ({yarns})"
     )
 
 
@@ -297,11 +301,12 @@ def describe_readers(holds: str) -> str:
 
 
 def scene_dialog_filters() -> str:
-    """Return the name filters of a dialog that opens scenes, drafts, knits and meshes."""
+    """Return the name filters of a dialog that opens scenes, drafts, knits, yarns and meshes."""
     first = [
         *reader_endings("scene"),
         *reader_endings("draft"),
         *reader_endings("knit"),
+        *reader_endings("yarns"),
         *reader_endings("mesh", common=True),
     ]
     more = [ending for ending in reader_endings("mesh") if ending not in first]

@@ -40,6 +40,7 @@ _OF_YARNS = (
     ("section", "section", None),
     ("width", "width", "m"),
     ("tex", "yarn count in tex", ""),
+    ("sett", "sett", "1/m"),
     ("spacing", "spacing p", "m"),
     ("theta_deg", "weave angle θ", "deg"),
     ("length", "yarn length l per crossing", "m"),

@@ -68,15 +68,20 @@ def find(scene: str | Path) -> Path:
     # Imported here, because only the message needs it, and it imports numpy.
     from spacemap_vtk.parameters import suggestion
 
-    raise InputError(
-        f"{path}: {why}",
-        allowed=f"{registry.describe_scene_files()}, or one of {', '.join(names())}",
-        cure=suggestion(str(scene), names()),
-    )
+    beside = [file.name for file in path.parent.glob("*") if registry.kind_of(file) is not None]
+    cures = [suggestion(str(scene), names()) or suggestion(path.name, beside)]
+    if why == registry.IS_FOLDER:
+        cures = ["Choose a file in it."]
+    elif not path.suffix:
+        why += ", and no scene has this name"
+        cures.append('List the scenes with "spacemap scenes".')
+    elif registry.kind_of(path) is None:
+        cures.append(f"It can be {registry.describe_scene_files()}.")
+    raise InputError(f"{path}: {why}", cure=" ".join(filter(None, cures)) or None)
 
 
 def values_of(path: Path, name: str = "") -> dict[str, Any]:
-    """Return the values of a scene, draft or mesh as a scene file that calls it `name`."""
+    """Return the values of a scene, draft, knit, yarns or mesh as a scene that calls it `name`."""
     kind = registry.kind_of(path)
     if kind == "draft":
         # A weaver expects the face, flat.
@@ -87,6 +92,8 @@ def values_of(path: Path, name: str = "") -> dict[str, Any]:
     if kind == "knit":
         read = registry.read(path, "knit")
         return {"textile": read.values, "view": {"camera": "front"}}
+    if kind == "yarns":
+        return {"textile": {"kind": "file", "file": name or str(path)}, "view": {"camera": "front"}}
     if kind == "mesh":
         return {"object": {"file": name or str(path)}}
     return registry.read(path, "scene")

@@ -16,6 +16,7 @@ from spacemap_vtk.filters.crimp_interchange import CrimpInterchange
 from spacemap_vtk.memory import require_memory
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.stage_memory import suggest_fewer
 
 # The table: bytes for each item of a kind.
 
@@ -29,8 +30,10 @@ _SHEET_PIXEL = 80
 _PATCH = 300
 #: Each patch that moves, in addition: its rest shape, its tetrahedra and their weights.
 _MOVED_PATCH = 600
-#: Each patch in addition, if its cage is quadratic or smooth, and if its yarns exchange crimp.
+#: Each patch in addition, if its cage is quadratic or smooth.
 _CURVED_PATCH = 1200
+#: The same of a patch whose yarns exchange crimp, in any cage: only their rings lie in it.
+_CRIMPED_PATCH = 1250
 #: Each point of a surface in OpenGL, including the facets of that point.
 DRAWN_POINT = 90
 #: Each point of a surface, including OpenGL's copy.
@@ -128,8 +131,10 @@ def patch_bytes(scene: Scene, patches: int) -> int:
     each = _PATCH
     if scene.moves:
         curved = scene.cage.order == 2 or scene.warp.smooth
-        crimped = scene.stage("crimp") is not None
-        each += _MOVED_PATCH + _CURVED_PATCH * (curved + crimped)
+        if scene.stage("crimp") is not None:
+            each += _CRIMPED_PATCH
+        else:
+            each += _MOVED_PATCH + _CURVED_PATCH * curved
     return each * patches
 
 
@@ -192,29 +197,19 @@ def require_yarns(
 ) -> None:
     """Refuse yarns that do not fit into memory together, and suggest numbers that do."""
 
-    def needed(sides: int, share: float = 1.0) -> int:
-        some = ceil(share**2 * patches)
-        return yarn_bytes(scene, request, some, sides)
+    def needed(sides: int, share: float) -> int:
+        return yarn_bytes(scene, request, ceil(share**2 * patches), sides)
 
     auto = ""
     if scene.surface.subdivisions is not None:
         auto = 'Set surface.subdivisions to "auto", so that only visible yarns are built. '
 
-    def cure(free: int) -> str:
-        share = next((k / 100 for k in range(99, 0, -1) if needed(sides, k / 100) <= free), 0.01)
-        fewer = "use fewer ends and picks, about {} x {}"
-        fewer = fewer.format(*(max(1, int(share * count)) for count in counts))
-        for less in range(sides - 1, 0, -1):
-            if needed(less) <= free:
-                return f"{auto}Lower surface.subdivisions to {less}, or {fewer}."
-        return f"{auto}{fewer.capitalize()}."
-
     noun = "picture" if request.frames == 1 else "film"
     with scene.add_file_to_errors(), add_section_to_errors(scene.surface.section):
         require_memory(
-            needed(sides),
+            needed(sides, 1.0),
             f"a {noun} of {counts[0]} x {counts[1]} yarns",
             key="subdivisions",
             value=sides,
-            cure=cure,
+            cure=lambda free: auto + suggest_fewer(needed, free, sides, counts),
         )

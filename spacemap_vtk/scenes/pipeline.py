@@ -80,17 +80,26 @@ def _uses_cage(stage: Stage) -> bool:
 
 def refuse_replaced(parts: Mapping[str, Parameterised], given: Collection[str]) -> None:
     """Refuse sections that would have no effect because of another section."""
+    if (found := find_replaced(parts, given)) is not None:
+        replaced, section = found
+        raise InputError(
+            f"cannot be combined with [{section}]",
+            key=replaced,
+            cure=f"Remove one of the two: [{section}] replaces [{replaced}].",
+        )
+
+
+def find_replaced(
+    parts: Mapping[str, Parameterised], given: Collection[str]
+) -> tuple[str, str] | None:
+    """Return a section without effect, and the one that replaces it; None if all have effect."""
     found = choose_stages(parts, given)
     for stage in parts.values():
         if isinstance(stage, Stage) and stage.section in given and stage not in found:
             rivals = [other for other in found if other.role == stage.role]
             rivals += [other for other in found if other.makes == stage.makes]
-            section = rivals[0].section
-            raise InputError(
-                f"cannot be combined with [{section}]",
-                key=stage.section,
-                cure=f"Remove one of the two: [{section}] replaces [{stage.section}].",
-            )
+            return stage.section, rivals[0].section
+    return None
 
 
 def switch_section(

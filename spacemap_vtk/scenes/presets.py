@@ -313,8 +313,9 @@ def format_preset(values: Mapping[str, Any]) -> str:
     str
         TOML.
     """
-    title = str(values.get("title", "cloth"))
-    return format_scene(values, f"{title}. All lengths follow from the bending length.", _REMARKS)
+    return format_scene(
+        values, "All lengths follow from the bending length of the cloth.", _REMARKS
+    )
 
 
 def _sides(size: Any) -> tuple[float, ...]:
@@ -549,11 +550,11 @@ def _rounded(value: float, unit: str) -> str:
     return format_quantity(value, unit, 3)
 
 
-def _lengths(*values: float) -> list[Any]:
+def _lengths(*values: float, digits: int = 6) -> list[Any]:
     """Format lengths [m] as in a scene file."""
     # With more digits than sizes, as supports must meet vertices of the cage; the middle of a cloth
     # is zero up to rounding.
-    return [format_quantity(value, "m", 6) if abs(value) > 1e-12 else 0.0 for value in values]
+    return [format_quantity(value, "m", digits) if abs(value) > 1e-12 else 0.0 for value in values]
 
 
 def _length(value: float) -> str:
@@ -563,8 +564,7 @@ def _length(value: float) -> str:
 def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
     """Hang cloth from rings that slide along a rail and are drawn together; strips from a line."""
     # Each ring is drawn towards the middle by a spring and a force, which together move it by a
-    # share of its distance. Forces are divided between both faces, because at one of them they
-    # would turn it; only one face is held along z, so that pleats turn about the rings.
+    # share of its distance. Only one face is held along z, so that pleats turn about the rings.
     width, height = map(float, sheet.sides)
     modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 50}
     cells = sheet.cells()
@@ -583,22 +583,30 @@ def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
         between = [0.5 * sum(pair) for pair in itertools.pairwise(places)]
         others = [x for x in places if x != places[pleats // 2]]
 
+        # Finer than the cloth is thick, so that each ring still holds its vertices.
+        fine = 10.0 ** math.floor(math.log10(0.1 * sheet.thickness))
+
+        def place(value: float) -> str:
+            return format_quantity(float(f"{round(value / fine) * fine:.12g}"), "m")
+
         def ring(x: float, z: float, radius: float) -> str:
-            return f"sphere({', '.join(map(str, _lengths(x, top, z, radius)))})"
+            return f"sphere({', '.join(map(place, (x, top, z, radius)))})"
 
         both = {x: ring(x, 0.5 * sum(faces), 0.6 * sheet.thickness) for x in places}
         one = {x: ring(x, faces[0], 0.5 * sheet.thickness) for x in places}
-        modal["fixed"] = [f"{both[x]}:y" for x in places]
-        modal["fixed"] += [f"{one[x]}:{'z' if x in others else 'xz'}" for x in places]
+        modal["fixed"] = [f"{both[x]}:y {one[x]}:{'z' if x in others else 'xz'}" for x in places]
         modal["springs"] = [f"{both[x]}:x {_rounded(spring, 'N/m')}" for x in others]
         drawn = spring * _CLOSER
         loads = [(x, (drawn * (places[pleats // 2] - x), 0.0, 0.0)) for x in others]
         # Pleats go to the front and to the back in turn.
         loads += [(x, (0.0, 0.0, (-1) ** n * push)) for n, x in enumerate(between)]
+        # In the middle between both faces, which share a force: at one of them it would turn it.
         modal["dead_loads"] = [
-            {"force": [float(f"{0.5 * f:.4g}") for f in force], "at": _lengths(x, top, z)}
+            {
+                "force": [_rounded(each, "N") if each else 0.0 for each in force],
+                "at": [place(x), place(top), 0.0],
+            }
             for x, force in loads
-            for z in faces
         ]
     # The rail shows what holds the cloth, which hangs just below and does not touch it.
     radius, gap = _RAIL * max(width, height), 0.7 * sheet.thickness
@@ -609,7 +617,7 @@ def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
             "radius": _length(radius),
             "height": _length(width + 8.0 * radius),
             "axis": [1.0, 0.0, 0.0],
-            "center": _lengths(middle[0], sheet.high[1] + gap + radius, middle[2]),
+            "center": _lengths(middle[0], sheet.high[1] + gap + radius, middle[2], digits=4),
         }
     ]
     values["modal"] = modal

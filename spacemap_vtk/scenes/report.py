@@ -482,10 +482,12 @@ def _report_yarns(threads: Threads, density: float | None) -> dict[str, Any]:
     tex = None
     if density is not None:
         tex = 1e6 * density * section_factor(aspect, section) * float((height**2).mean())
+    spacing = threads.mean_spacing(aspect * diameter)
     return {
         "diameter": diameter,
         "width": aspect * diameter,
-        "spacing": threads.mean_spacing(aspect * diameter),
+        "sett": 1.0 / spacing,
+        "spacing": spacing,
         "section": section,
         "tex": tex,
         "size": threads.size,

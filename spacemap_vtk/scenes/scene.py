@@ -25,7 +25,7 @@ from spacemap_vtk.errors import (
     add_section_to_errors,
 )
 from spacemap_vtk.filters.barycentric_warp import BarycentricWarp
-from spacemap_vtk.filters.base import ProvidedArray, Stage
+from spacemap_vtk.filters.base import ROLES, ProvidedArray, Stage
 from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.modal_solver import ModalSolver
 from spacemap_vtk.filters.motion_reader import MotionReader
@@ -33,6 +33,7 @@ from spacemap_vtk.filters.object_source import ObjectSource
 from spacemap_vtk.filters.patch_tessellator import PatchTessellator, bake_brightness
 from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.textile import Textile, Woven
+from spacemap_vtk.io import registry
 from spacemap_vtk.parameters import Parameterised
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.assignments import parse_value, require_part, split_assignment
@@ -40,10 +41,12 @@ from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.pipeline import (
     choose_stages,
     connect_stages,
+    find_replaced,
     refuse_replaced,
     section_classes,
 )
 from spacemap_vtk.scenes.settings import Animation, View
+from spacemap_vtk.scenes.stage_memory import require_stages
 from spacemap_vtk.textile.drafts.draft import Draft
 from spacemap_vtk.textile.geometry.irregularity import Irregularity
 
@@ -101,6 +104,8 @@ class Scene:
         self.assigned: set[tuple[str | None, str | None]] = set()
         #: The scene's sections; `assign` adds more.
         self._sections = set(values)
+        #: The state for which the stages are known to fit into memory.
+        self._fits: tuple[int, ...] = ()
         #: The stages that are connected, from source to surface.
         self.stages: list[Stage] = []
         with self.add_file_to_errors():
@@ -245,10 +250,32 @@ class Scene:
         Raises
         ------
         InputError
-            If the text has another form, or the value is refused.
+            If the text has another form, the value is refused, or it belongs to a second source.
         """
         section, key, text = split_assignment(assignment)
-        self.assign(section, key, parse_value(text))
+        value = parse_value(text)
+        self._refuse_replacement(section, key, value)
+        self.assign(section, key, value)
+
+    def _refuse_replacement(self, section: str, key: str, value: Any) -> None:
+        """Refuse a value of a second source, which would replace that of the scene."""
+        part = self.parts.get(section)
+        if not isinstance(part, Stage) or part.role != ROLES[0] or section in self._sections:
+            return
+        found = find_replaced(self.parts, {*self._sections, section})
+        if found is None:
+            return
+        other = found[0] if found[1] == section else found[1]
+        cure = f'Start from a scene with [{section}] (see "spacemap scenes").'
+        if isinstance(value, str) and registry.kind_of(Path(value)) is not None:
+            cure = f'Open the file alone, as with "spacemap render {value} -o picture.png".'
+        with add_section_to_errors(section):
+            raise InputError(
+                f"the scene has a section [{other}], and [{section}] cannot be combined with it",
+                key=key,
+                value=value,
+                cure=cure,
+            )
 
     def assign(self, section: str, key: str, value: Any) -> None:
         """Change a value. All changes go through here; errors about it do not name the file.
@@ -311,10 +338,21 @@ class Scene:
 
         Raises
         ------
+        SizeError
+            If the stages together need more than the free memory.
         SpacemapError
             If a stage refuses its input; the message names the scene's file.
         """
+        self._require_memory(1 if piece is None else piece.total)
         self.update_stage(self.stages[-1], time, piece)
+
+    def _require_memory(self, pieces: int) -> None:
+        """Refuse stages that do not fit into memory; once for the same yarns and subdivisions."""
+        state = self.source.GetMTime(), self.surface.sides, len(self.stages), pieces
+        if state != self._fits:
+            with self.add_file_to_errors():
+                require_stages(self.stages, pieces)
+            self._fits = state
 
     def update_stage(
         self, stage: Stage, time: float | None = None, piece: Piece | None = None

@@ -12,15 +12,20 @@ from typing import Any
 from spacemap_vtk import __version__
 from spacemap_vtk.errors import InputError, SpacemapError
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.filters.cage_fittings import Places
 from spacemap_vtk.io.file_references import file_references
 from spacemap_vtk.io.formats.toml import format_scene, parse_toml
 from spacemap_vtk.io.provenance import Record
 from spacemap_vtk.io.series import is_pattern, matching_files, open_series
-from spacemap_vtk.parameters import Parameter, Parameterised, Real, Series
+from spacemap_vtk.parameters import Parameter, Parameterised, Real
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.pipeline import section_classes
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.sweep import paths_in, resolve_paths
+from spacemap_vtk.units import GRAVITY
+
+#: Keys that are written also if they have the usual value, as they say what a record is.
+_ALWAYS = ("shape",)
 
 
 def make_record(scene: Scene, order: Mapping[str, Any], times: Sequence[float]) -> Record:
@@ -143,7 +148,7 @@ def _changed_values(part: Parameterised, folder: Path, of_object: bool = False) 
     return {
         key: _format(value, part.parameter(key), folder)
         for key, value in part.settings.items()
-        if value != part.parameter(key).default_for(of_object)
+        if value != part.parameter(key).default_for(of_object) or key in _ALWAYS
     }
 
 
@@ -152,17 +157,19 @@ def _format(value: Any, parameter: Parameter[Any], folder: Path) -> Any:
         return _changed_values(value, folder)
     if isinstance(value, Path):
         return _relative_name(value, folder)
+    if isinstance(parameter, Places):
+        return [place.with_units() for place in parameter.read(" ".join(value))]
     if isinstance(value, (tuple, list)):
-        is_series = isinstance(parameter, Series)
-        return [
-            item if isinstance(item, float) and not is_series else _format(item, parameter, folder)
-            for item in value
-        ]
+        return [_format(item, parameter, folder) for item in value]
     number = getattr(parameter, "component", parameter)
     if isinstance(value, float) and isinstance(number, Real) and number.unit:
+        if value == 0.0 and number is not parameter:
+            return value  # a component of a vector
         # With its unit, if the text gives the same value.
         text = number.text(value)
-        return text if parameter.check(text) == value else f"{value!r} {number.unit}"
+        if number.unit == "m/s2":
+            text = f"{float(f'{value / GRAVITY:.12g}'):g} g"
+        return text if number.check(text) == value else f"{value!r} {number.unit}"
     return "auto" if value is None and parameter.automatic else value
 
 

@@ -92,7 +92,7 @@ class Document(QObject):
         else:
             # A draft or knit has no scene text yet: write the scene that Scene.read made of it.
             text = tomlkit.dumps({"title": read.title, **library.values_of(path)})
-        is_own = registry.kind_of(path) not in ("knit", "mesh")
+        is_own = registry.kind_of(path) in ("scene", "draft", None)
         is_editable = is_own and path.parent != library.folder().resolve()
         self.file, self.source = path if is_editable else None, path
         self._replace(text, path.parent, read)

@@ -59,6 +59,7 @@ _TIPS = {
     "diameter": "Height of the yarn's section; of a round yarn, its diameter",
     "width": "Width of the yarn's section in the plane of the cloth",
     "tex": "Mass of 1000 m of yarn in g",
+    "sett": "Ends or picks per length of the cloth",
     "spacing": "Distance between the axes of neighbouring yarns: 1 / sett",
     "theta_deg": "Steepest slope of the yarn's axis where the yarn changes side",
     "length": "Length of the yarn's axis between two crossings where the yarn changes side",

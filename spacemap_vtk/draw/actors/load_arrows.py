@@ -114,8 +114,8 @@ def _places_and_directions(
         # The arrows of a pressure end at the side that it pushes; those of a suction begin there.
         yield places, directions, action == "traction" or value < 0
     elif action == "force":
-        nearest = forces.nearest_vertex(rest, load.at)
-        yield moved[[nearest]], _unit(value), False
+        nearest = forces.nearest_vertices(rest, load.at)
+        yield moved[nearest].mean(axis=0, keepdims=True), _unit(value), False
     elif action == "array":
         array = cage.GetPointData().GetArray(load.array)
         if array is not None:

@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.io.registry import reader_endings, reads
+from spacemap_vtk.io.registry import SCENE_KINDS, reader_endings, reads
 
 #: Most bytes of a scene; parsing longer ones takes hours.
 _LONGEST = 2**24
+#: Longest line of a list, and longest table of a list that is written in one line.
+_WIDTH = 110
+_SHORT = 90
 #: Most names in one dotted key, for the same reason.
 _NAMES = 16
 _NONE: Mapping[tuple[str, str], str] = {}
@@ -45,10 +48,8 @@ def read_scene(path: Path) -> dict[str, Any]:
     except ValueError as error:
         if path.suffix.lower() != ".toml":
             raise InputError(
-                f"{path}: the ending is not that of a scene, draft or mesh",
-                allowed=", ".join(
-                    e for kind in ("scene", "draft", "mesh") for e in reader_endings(kind)
-                ),
+                f"{path}: the ending is not that of a scene, draft, mesh or textile",
+                allowed=", ".join(e for kind in SCENE_KINDS for e in reader_endings(kind)),
             ) from None
         why, cure = str(error), 'Correct that line; strings need quotes, as in "0.3 mm".'
         if isinstance(error, UnicodeDecodeError):
@@ -86,25 +87,43 @@ def format_scene(
         if not isinstance(content, Mapping):
             lines.insert(1, f"{section} = {format_value(content)}")
             continue
-        lines += ["", f"[{section}]"]
-        tables = {key: value for key, value in content.items() if _is_tables(value)}
+        remark = remarks.get((section, ""))
+        lines += ["", f"[{section}]" + (f"    # {remark}" if remark else "")]
+        tables = {key: value for key, value in content.items() if _is_long_tables(value)}
         for key, value in content.items():
             remark = remarks.get((section, key))
             behind = f"    # {remark}" if remark else ""
             if key not in tables:
-                lines.append(f"{key} = {format_value(value)}{behind}")
+                first, *more = _format_lines(key, value)
+                lines += [first + behind, *more]
         for key, value in tables.items():
             remark = remarks.get((section, key))
             lines += ["", f"# {remark}"] if remark else []
             for number, table in enumerate(value):
                 lines += [""] * (number > 0 or not remark) + [f"[[{section}.{key}]]"]
-                lines += [f"{name} = {format_value(item)}" for name, item in table.items()]
+                lines += [
+                    line for name, item in table.items() for line in _format_lines(name, item)
+                ]
     return "\n".join(lines) + "\n"
 
 
-def _is_tables(value: Any) -> bool:
-    return (
-        isinstance(value, (list, tuple))
-        and bool(value)
-        and all(isinstance(item, Mapping) for item in value)
-    )
+def _format_lines(key: str, value: Any) -> list[str]:
+    """Return a key and its value in one line, or a long list in several, as wide as a page."""
+    text = f"{key} = {format_value(value)}"
+    if len(text) <= _WIDTH or not isinstance(value, (list, tuple)) or len(value) < 2:
+        return [text]
+    lines = [f"{key} = ["]
+    for item in value:
+        word = f"{format_value(item)},"
+        if len(lines) > 1 and len(lines[-1]) + 1 + len(word) <= _WIDTH:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(f"    {word}")
+    return [*lines, "]"]
+
+
+def _is_long_tables(value: Any) -> bool:
+    """Return whether a value is a list of tables, at least one of which is no short line."""
+    if not isinstance(value, (list, tuple)) or not all(isinstance(item, Mapping) for item in value):
+        return False
+    return any(len(format_value(item)) > _SHORT or len(item) > 2 for item in value)

@@ -112,8 +112,8 @@ def traction_forces(count: int, where: SideFaces, stress: ArrayLike) -> Floats:
     return share[:, None] * np.asarray(stress, dtype=np.float64)
 
 
-def nearest_vertex(points: Floats, place: ArrayLike) -> int:
-    """Find the vertex nearest to a point.
+def nearest_vertices(points: Floats, place: ArrayLike) -> Ints:
+    """Find the vertices nearest to a point, such as both vertices of a sheet above each other.
 
     Parameters
     ----------
@@ -124,10 +124,12 @@ def nearest_vertex(points: Floats, place: ArrayLike) -> int:
 
     Returns
     -------
-    int
-        Number of the vertex; the first if several are equally near.
+    ndarray of int64, shape (n,)
+        Numbers of the vertices that are equally near, up to rounding.
     """
-    return int(np.argmin(((points - np.asarray(place)) ** 2).sum(axis=1)))
+    distance = np.linalg.norm(points - np.asarray(place), axis=1)
+    rounding = 1e-6 * float(np.linalg.norm(np.ptp(points, axis=0)))
+    return np.flatnonzero(distance <= distance.min() + rounding)
 
 
 def acceleration_forces(nodal_mass: Floats, acceleration: ArrayLike) -> Floats:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools, Floats
-from spacemap_vtk.units import UNITS, parse_quantity
+from spacemap_vtk.units import UNITS, format_quantity, parse_quantity
 
 #: Sides of a box, each with its axis and its end.
 SIDES = {"-x": (0, -1), "+x": (0, 1), "-y": (1, -1), "+y": (1, 1), "-z": (2, -1), "+z": (2, 1)}
@@ -65,9 +65,22 @@ class Place(NamedTuple):
     """SI unit; empty if there is no quantity."""
 
     def __str__(self) -> str:
+        return self._format(_format_number)
+
+    def with_units(self) -> str:
+        """Format the place with lengths as people write them, such as "0.3 mm".
+
+        Returns
+        -------
+        str
+            A text that `parse_places` reads as this place, within 14 digits.
+        """
+        return self._format(_format_length)
+
+    def _format(self, format_length: Callable[[float], str]) -> str:
         text = self.shape
         if self.numbers:
-            text += _format_tuple(self.numbers)
+            text += f"({', '.join(map(format_length, self.numbers))})"
         elif self.name:
             text += f"({self.name})"
         if self.direction:
@@ -362,6 +375,15 @@ def _format_tuple(numbers: Sequence[float]) -> str:
 def _format_number(number: float) -> str:
     """Format a number that reads back as the same, except for rounding such as in "0.1 um"."""
     return f"{number:.14g}"
+
+
+def _format_length(value: float) -> str:
+    """Format a length with its unit if this reads back as the same."""
+    number = _format_number(value)
+    if not value or not np.isfinite(value):
+        return number
+    text = format_quantity(value, "m")
+    return text if _format_number(parse_quantity(text, "m")) == number else number
 
 
 def _format_point(values: Floats) -> str:

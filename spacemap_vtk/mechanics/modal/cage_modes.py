@@ -209,8 +209,9 @@ class CageModes:
             follows = (value, where.faces) if follower else ()
             return LoadVector(_axis_parts(place, stress), function, None, *follows)
         if action == "force":
-            vertex = forces.nearest_vertex(self.model.points, place)
-            return LoadVector(_axis_parts(f"vertex {vertex}", value), function)
+            nearest = forces.nearest_vertices(self.model.points, place)
+            name = f"vertices {','.join(map(str, nearest.tolist()))}"
+            return LoadVector(_axis_parts(name, value), function)
         self._forces[f"array {place}"] = np.ravel(value)
         return LoadVector(((f"array {place}", 1.0),), function)
 
@@ -322,7 +323,8 @@ class CageModes:
                 force = forces.acceleration_forces(self.nodal_mass, unit)
             else:
                 force = np.zeros_like(self.model.points)
-                force[int(kind.removeprefix("vertex "))] = unit
+                vertices = list(map(int, kind.removeprefix("vertices ").split(",")))
+                force[vertices] = unit / len(vertices)
             self._forces[name] = force.ravel()
         return self._forces[name]
 
