@@ -183,7 +183,7 @@ def test_lists_of_formats_contain_a_new_format(tmp_path: Path, capsys: Any) -> N
     (tmp_path / "a.png").write_bytes(b"\x89PNG")
     assert run("render", str(tmp_path / "a.png"), "-o", "b.png") == 2
     assert ".toml, .wif, .wifw, .plm, .dtx, .wpo, .twa, .bits, " in capsys.readouterr().err
-    assert run("render", "nothing", "-o", "b.png") == 2
+    assert run("render", "nothing.nope", "-o", "b.png") == 2
     assert (
         "a weaver's draft (.wif, .wifw, .plm, .dtx, .wpo, .twa, .bits)" in capsys.readouterr().err
     )

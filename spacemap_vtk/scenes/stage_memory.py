@@ -26,7 +26,7 @@ _MOVED = 3
 
 
 def require_stages(stages: Sequence[Stage], pieces: int = 1) -> None:
-    """Refuse stages that do not fit into memory together, one of `pieces` of the yarns at a time."""
+    """Refuse stages that do not fit into memory together; yarns are made in pieces."""
     source, surface = stages[0], stages[-1]
     if not isinstance(source, Textile) or not isinstance(surface, PatchTessellator):
         return
@@ -38,7 +38,7 @@ def require_stages(stages: Sequence[Stage], pieces: int = 1) -> None:
         return
     sides, counts = surface.sides, tuple(source.families.values())
     woven = isinstance(source, Woven)
-    what = f"a scene with {' x '.join(map(str, counts))} yarns"
+    what = f"a scene with {' x '.join(map(str, counts)) if woven else sum(counts)} yarns"
 
     def cure(free: int) -> str:
         fewer = suggest_fewer(
