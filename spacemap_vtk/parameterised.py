@@ -42,6 +42,17 @@ T = TypeVar("T")
 
 #: The word that users write, in place of any value, to let the program choose it.
 AUTOMATIC = "auto"
+#: Words of labels by those of keys, which cannot have marks, or are for programmers.
+_SPELLINGS = {
+    "color": "colour",
+    "Color": "Colour",
+    "Center": "Centre",
+    "Youngs": "Young's",
+    "Poissons": "Poisson's",
+    "Triad": "Axes",
+    "Draw in": "Draw-in",
+    "ake up": "ake-up",
+}
 
 
 class Parameter(Generic[T]):
@@ -198,9 +209,11 @@ class Parameter(Generic[T]):
 
     @property
     def label(self) -> str:
-        """The name for people, with the apostrophe and spelling that a key cannot have."""
-        words = self.name.replace("_", " ").replace("color", "colour").capitalize()
-        return words.replace("Youngs", "Young's").replace("Poissons", "Poisson's")
+        """The name for people, with the marks and spelling that a key cannot have."""
+        words = self.name.replace("_", " ").capitalize()
+        for word, spelling in _SPELLINGS.items():
+            words = words.replace(word, spelling)
+        return words
 
     @property
     def optional(self) -> bool:

@@ -96,7 +96,7 @@ def test_modes_report_the_hanging_sheet(tmp_path: Path, capsys: pytest.CaptureFi
         + 'gravity = [0.0, 0.0, "-1 g"]\nfixed = "sphere(0, 0, 0, 2 mm)"\n'
     )
     text = reported("modes", scene, capsys)
-    assert re.search(r"^drape coefficient +100\.0% ± 0\.0% \(Cusick\)", text, re.M)
+    assert re.search(r"^drape coefficient +100\.0 % ± 0\.0 % \(Cusick\)", text, re.M)
     hung = json.loads(reported("modes", scene, capsys, "--json"))["hung"]
     assert hung["cloth_area"] == pytest.approx(25e-6)
     assert hung["shadow_area"] == pytest.approx(25e-6, rel=1e-4)

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QPoint, QSettings, QSize, Qt
+from PySide6.QtCore import QEvent, QPoint, QSettings, QSize, Qt
 from PySide6.QtGui import (
     QAction,
     QCloseEvent,
@@ -131,6 +131,11 @@ class _Tabs(QTabWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._fit_titles()
         super().resizeEvent(event)
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.StyleChange:  # another theme resets the font of the tab bar
+            self._fit_titles()
 
     def tabInserted(self, index: int) -> None:
         super().tabInserted(index)

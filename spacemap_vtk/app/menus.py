@@ -153,8 +153,10 @@ class Menus(QObject):
             self.actions[shown.text()] = shown
         self.dark = self._add_action(inside, "Dark theme", "Ctrl+D", self._set_theme)
         self.dark.setCheckable(True)
-        self.dark.setChecked(QSettings().value("dark") == "true")
-        self._set_theme()
+        stored, scheme = QSettings().value("dark"), QGuiApplication.styleHints().colorScheme()
+        follows = scheme == Qt.ColorScheme.Dark  # until the user chooses a theme
+        self.dark.setChecked(follows if stored is None else stored == "true")
+        self._apply_theme()
         _FieldKeyFilter(window, view.canvas)
 
     def _add_menu(self, title: str) -> QMenu:
@@ -223,6 +225,9 @@ class Menus(QObject):
 
     def _set_theme(self) -> None:
         QSettings().setValue("dark", "true" if self.dark.isChecked() else "false")
+        self._apply_theme()
+
+    def _apply_theme(self) -> None:
         apply_theme(QApplication.instance(), self.dark.isChecked())
         self._view.set_dark(self.dark.isChecked())
 

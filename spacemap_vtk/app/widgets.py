@@ -14,6 +14,7 @@ from PySide6.QtGui import (
     QKeySequence,
     QPaintDevice,
     QPainter,
+    QPaintEvent,
     QResizeEvent,
     QValidator,
 )
@@ -27,6 +28,9 @@ from PySide6.QtWidgets import (
     QLayout,
     QProgressBar,
     QSpinBox,
+    QStyle,
+    QStyleOptionComboBox,
+    QStylePainter,
     QTableWidget,
     QToolButton,
     QVBoxLayout,
@@ -100,11 +104,26 @@ def note(text: str = "", name: str = "about", **properties: Any) -> QLabel:
     return QLabel(text, objectName=name, **options)
 
 
-def narrow(box: QComboBox, letters: int) -> QComboBox:
-    """Let a combo box shrink to a width of some letters and shorten its texts."""
-    box.setMinimumContentsLength(letters)
-    box.setSizeAdjustPolicy(box.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-    return box
+class NarrowComboBox(QComboBox):
+    """A combo box that shrinks to a width of some letters, and shortens its text with dots."""
+
+    def __init__(self, letters: int, **options: Any) -> None:
+        super().__init__(**options)
+        self.setMinimumContentsLength(letters)
+        self.setSizeAdjustPolicy(self.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+
+    def paintEvent(self, _event: QPaintEvent) -> None:
+        """Paint the box with its shortened text."""
+        option = QStyleOptionComboBox()
+        self.initStyleOption(option)
+        kind, part = QStyle.ComplexControl.CC_ComboBox, QStyle.SubControl.SC_ComboBoxEditField
+        room = self.style().subControlRect(kind, option, part, self).width() - 2
+        shortened = Qt.TextElideMode.ElideRight
+        option.currentText = self.fontMetrics().elidedText(option.currentText, shortened, room)
+        painter = QStylePainter(self)
+        painter.drawComplexControl(kind, option)
+        painter.drawControl(QStyle.ControlElement.CE_ComboBoxLabel, option)
+        painter.end()
 
 
 class CountBox(QSpinBox):

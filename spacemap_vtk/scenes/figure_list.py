@@ -123,8 +123,8 @@ def cloth_figures(figures: dict[str, Any], both: bool = False) -> list[Figure]:
     heights = figures["feasible_height"] or [None]
     found = [
         Figure("thickness", "thickness", _format_figure(thickness, "m"), thickness, "m"),
-        figure("cover", "cover", "%", "{:.1%}"),
-        figure("fibre_volume_fraction", "fibre volume fraction", "%", "{:.1%}"),
+        figure("cover", "cover", "%", "{:.1f} %", 100),
+        figure("fibre_volume_fraction", "fibre volume fraction", "%", "{:.1f} %", 100),
         figure("areal_mass", "areal mass", "kg/m2", "{:.4g} g/m²", 1e3),
         Figure("repeat", "smallest repeat", "{} x {}".format(*figures["repeat"])),
         figure("shafts", "shafts, treadles", "", f"{{}}, {treadles}"),
@@ -269,7 +269,8 @@ def equilibrium_figures(hung: dict[str, Any] | None) -> list[Figure]:
 
 
 def _format_share(share: float, error: float | None) -> str:
-    return f"{share:.1%}" if error is None else f"{share:.1%} ± {error:.1%}"
+    shown = f"{100 * share:.1f} %"
+    return shown if error is None else f"{shown} ± {100 * error:.1f} %"
 
 
 def reaction_figures(figures: dict[str, Any]) -> list[Figure]:
@@ -344,7 +345,7 @@ def _format_figure(value: float | None, unit: str | None) -> str:
     if unit is None:
         return str(value)
     if unit == "%":
-        return f"{value:.2%}"
+        return f"{100 * value:.2f} %"
     if unit == "deg":
         return f"{value:.4g}°"
     return format_quantity(value, unit, 5)

@@ -178,7 +178,7 @@ def _warp(plan: ScenePlan) -> PlanTable:
     ]
     if len(plan.reeds) > 1:
         others = "; ".join(
-            f"{Quantity(each.reed, 'reed').text(units)} {each.text} "
+            f"{Quantity(each.reed, 'reed').text(units)}, {each.text} in a dent "
             f"({_percent(each.error(plan.wanted_sett))})"
             for each in plan.reeds[1:4]
         )

@@ -6,12 +6,12 @@ from functools import partial
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor, QShowEvent
-from PySide6.QtWidgets import QButtonGroup, QComboBox, QLabel, QWidget
+from PySide6.QtWidgets import QButtonGroup, QLabel, QWidget
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.draft.knit_chart import KEYS, SYMBOLS, KnitChart
 from spacemap_vtk.app.draft.palette import Palette
-from spacemap_vtk.app.widgets import CountBox, column, narrow, note, row, tool_button
+from spacemap_vtk.app.widgets import CountBox, NarrowComboBox, column, note, row, tool_button
 from spacemap_vtk.errors import SpacemapError
 from spacemap_vtk.scenes.editable_knit import (
     STITCHES,
@@ -138,7 +138,7 @@ class ChartTab(QWidget):
             group.addButton(button)
             button.clicked.connect(partial(self._choose, letter))
         self.buttons[self.chart.letter].setChecked(True)
-        self.structure = QComboBox(toolTip="Stitches of a known structure")
+        self.structure = NarrowComboBox(12, toolTip="Stitches of a known structure")
         self.structure.addItems(["Structure…", *STRUCTURES])
         self.structure.activated.connect(self._set_structure)
         self.counts: dict[str, CountBox] = {}
@@ -163,7 +163,7 @@ class ChartTab(QWidget):
             row(None, *buttons[_ACROSS:], None, spacing=2),
             legend,
             row(None, *fields, None, spacing=6),
-            row(None, narrow(self.structure, 12), None),
+            row(None, self.structure, None),
             spacing=4,
         )
 

@@ -252,8 +252,9 @@ class DraftActions(QObject):
             if enabled and action is self.actions["Weave…"] and grid.place.panel == "treadling":
                 enabled = shown is not None and shown.loom.liftplan is not None
             action.setEnabled(enabled)
-        for menu in self.menu.findChildren(QMenu):
-            menu.menuAction().setEnabled(any(action.isEnabled() for action in menu.actions()))
+        for menu in reversed(self.menu.findChildren(QMenu)):  # those within others first
+            commands = (action for action in menu.actions() if not action.isSeparator())
+            menu.menuAction().setEnabled(any(action.isEnabled() for action in commands))
 
     def _name_threads(self) -> None:
         """Let the commands of ends or picks say which ones they change."""
@@ -274,8 +275,9 @@ class DraftActions(QObject):
         panel = self._grid.place.panel
         for action, use in self._uses.items():
             action.setVisible(panel in use.panels)
-        for menu in self.menu.findChildren(QMenu):
-            menu.menuAction().setVisible(any(action.isVisible() for action in menu.actions()))
+        for menu in reversed(self.menu.findChildren(QMenu)):
+            commands = (action for action in menu.actions() if not action.isSeparator())
+            menu.menuAction().setVisible(any(action.isVisible() for action in commands))
         self.menu.popup(at)
 
     def _show_all(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QColorDialog,
-    QComboBox,
     QFileDialog,
     QGridLayout,
     QPushButton,
@@ -20,14 +19,22 @@ from PySide6.QtWidgets import (
 )
 
 from spacemap_vtk.app.fields.editor import Editor, LineEditor, ignore_wheel
-from spacemap_vtk.app.widgets import column, narrow, painter_on, row
+from spacemap_vtk.app.widgets import NarrowComboBox, column, painter_on, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.places import SIDES, parse_places
 from spacemap_vtk.parameters import Choice, Integer, Parameter
 from spacemap_vtk.scenes.assignments import parse_value
+from spacemap_vtk.scenes.colorings import COLORINGS
+from spacemap_vtk.scenes.styles import LIGHTS, STYLES
 
 #: A whole number with at most so many allowed values has a combo box instead of a slider.
 _MAX_CHOICES = 5
+#: What has a name of its own, by parameter and choice.
+_NAMED_CHOICES: dict[str, Mapping[str, Any]] = {
+    "color": COLORINGS,
+    "style": STYLES,
+    "light": LIGHTS,
+}
 
 
 class TextEditor(LineEditor):
@@ -55,13 +62,13 @@ class ChoiceEditor(Editor):
 
     def __init__(self, parameter: Choice | Integer) -> None:
         super().__init__(parameter)
-        self.box = narrow(QComboBox(), 4)
+        self.box = NarrowComboBox(4)
         self.box.activated.connect(self._submit_choice)
         ignore_wheel(self.box)
         for choice in (
             few_choices(parameter) if isinstance(parameter, Integer) else parameter.choices
         ):
-            self.box.addItem(str(choice), choice)
+            self.box.addItem(_choice_label(parameter.name, choice), choice)
         row(self, self.box)
         self.setFocusProxy(self.box)
 
@@ -70,10 +77,25 @@ class ChoiceEditor(Editor):
 
     def show_in_use(self, value: Any) -> None:
         """Show the value in use while nothing is chosen."""
-        self.box.setPlaceholderText("" if value is None else str(value))
+        self.box.setPlaceholderText(
+            "" if value is None else _choice_label(self.parameter.name, value)
+        )
 
     def _submit_choice(self) -> None:
         self.edited.emit(self.box.currentData(), 0)
+
+
+def _choice_label(name: str, choice: Any) -> str:
+    """Return a choice in the words of other parts of the window."""
+    if choice in SIDES:
+        return side_label(choice)
+    named = _NAMED_CHOICES.get(name, {})
+    return named[choice].label if choice in named else str(choice)
+
+
+def side_label(side: str) -> str:
+    """Return a side of the cage in words."""
+    return f"{SIDE_NAMES[side].capitalize()} side ({side})"
 
 
 def few_choices(parameter: Integer) -> range:

@@ -125,6 +125,10 @@ def slider_span(
     if open_low and parameter.below is not None:
         inset = (parameter.below - (parameter.above or 0.0)) / STEPS
         return SliderSpan((parameter.above or 0.0) + inset, parameter.below - inset)
+    if parameter.unit == "deg":
+        turns = math.ceil(max(abs(value or 0.0), 1.0) / 360.0) * 360.0
+        ends = -math.inf if low is None else low, math.inf if high is None else high
+        return SliderSpan(max(-turns, ends[0]), min(turns, ends[1]))
     # The component of a vector has no default.
     size = abs(value or 0.0) or abs(getattr(parameter, "default", None) or 0.0)
     size = size or (1e-2 if parameter.unit == "s" else 1.0)

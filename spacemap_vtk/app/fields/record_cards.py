@@ -10,7 +10,7 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QComboBox, QFrame, QLabel, QMenu, QToolButton, QWidget
 
-from spacemap_vtk.app.fields.basic_editors import SIDE_NAMES
+from spacemap_vtk.app.fields.basic_editors import side_label
 from spacemap_vtk.app.fields.editor import Editor, ignore_wheel
 from spacemap_vtk.app.fields.parameter_row import ParameterRow, make_editor
 from spacemap_vtk.app.widgets import column, row, tool_button
@@ -175,7 +175,7 @@ class RecordCard(QFrame):
 def label_of(kind: str) -> str:
     """Return a kind in words."""
     if kind in SIDES:
-        return f"{SIDE_NAMES[kind].capitalize()} side ({kind})"
+        return side_label(kind)
     return kind.replace("_", " ").capitalize()
 
 

@@ -127,6 +127,8 @@ class Manual(QDialog):
         self.contents.currentItemChanged.connect(self._show_chosen)
         self.text = _PageView(openLinks=False)
         self.text.setFrameShape(QFrame.Shape.NoFrame)
+        # A bar that appears with a long page would cover its pictures.
+        self.text.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOn)
         self.text.document().setDocumentMargin(_MARGIN)
         self.text.anchorClicked.connect(self._follow)
         self.online_button = QPushButton("Open the documentation in the browser")

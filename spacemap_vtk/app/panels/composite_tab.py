@@ -25,9 +25,9 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.widgets import (
+    NarrowComboBox,
     column,
     is_dark,
-    narrow,
     note,
     results_table,
     row,
@@ -56,7 +56,7 @@ _HINT = (
     "the error of the voxels. Layers, shear and own materials: section Unit cell of the form."
 )
 _OLD = "The scene has changed since these constants were computed."
-_HEADINGS = ("constant", "value", "±", "unit")
+_HEADINGS = ("Constant", "Value", "±", "Unit")
 #: A view that is no slice.
 _MODULI = "moduli"
 #: Which voxels the view draws, by keys of `CellLook.voxels`.
@@ -132,12 +132,12 @@ class CompositeTab(QWidget):
             menu.addAction(f"{label}…", partial(self.export_requested.emit, ending, kind))
         self.save_button.setMenu(menu)
         self.save_button.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
-        self.content = narrow(QComboBox(toolTip="What is shown"), 8)
+        self.content = NarrowComboBox(8, toolTip="What is shown")
         for key, label in {**CONTENTS, _MODULI: "Modulus over the direction"}.items():
             self.content.addItem(label, key)
-        self.load = narrow(QComboBox(toolTip="Mean strain"), 3)
+        self.load = NarrowComboBox(3, toolTip="Mean strain")
         self.load.addItems(COMPONENTS)
-        self.plane = narrow(QComboBox(toolTip="Plane of the slice"), 4)
+        self.plane = NarrowComboBox(4, toolTip="Plane of the slice")
         for key, label in PLANES.items():
             self.plane.addItem(label, key)
         self.slider = QSlider(Qt.Orientation.Horizontal, toolTip="Position of the slice")
@@ -150,7 +150,7 @@ class CompositeTab(QWidget):
         self.has_slice.setToolTip("Draw the slice, and no voxels in front of it")
         self.has_directions = QCheckBox("directions")
         self.has_directions.setToolTip("Draw the directions of the fibres")
-        self.voxels = narrow(QComboBox(toolTip="Which voxels the view draws"), 8)
+        self.voxels = NarrowComboBox(8, toolTip="Which voxels the view draws")
         for key, label in _VOXELS.items():
             self.voxels.addItem(label, key)
         self.threshold = QSlider(Qt.Orientation.Horizontal, maximum=_STEPS)
@@ -196,7 +196,7 @@ class CompositeTab(QWidget):
             self._draw()
 
     def _choice(self, name: str, titles: Mapping[str, str]) -> QComboBox:
-        box = narrow(QComboBox(toolTip=UnitCell.parameter(name).help), 8)
+        box = NarrowComboBox(8, toolTip=UnitCell.parameter(name).help)
         for key, title in titles.items():
             box.addItem(title, key)
         box.activated.connect(lambda _: self._document.set(_SECTION, name, box.currentData()))

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from PySide6.QtCore import QEvent, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
-    QComboBox,
     QMenu,
     QProgressBar,
     QPushButton,
@@ -21,9 +20,9 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.document import Document
 from spacemap_vtk.app.widgets import (
+    NarrowComboBox,
     column,
     is_dark,
-    narrow,
     note,
     results_table,
     row,
@@ -47,7 +46,7 @@ _NO_STIFFNESS = (
     "first choice; its values are then in Crimp interchange."
 )
 _OLD = "The scene has changed since this measurement."
-_HEADINGS = ("", "figure", "", "value", "SI")
+_HEADINGS = ("", "Figure", "", "Value", "SI")
 #: Kinds of files that the tab writes, with their endings.
 SAVED = {"Plot…": ".png", "Curve…": ".csv", "Film…": ".gif"}
 
@@ -88,7 +87,7 @@ class MeasureTab(QWidget):
     def __init__(self, document: Document, engine: Engine) -> None:
         super().__init__()
         self._document, self._engine = document, engine
-        self.tests = narrow(QComboBox(toolTip="Standard test"), 8)
+        self.tests = NarrowComboBox(8, toolTip="Standard test")
         for test in TESTS:
             self.tests.addItem(test.title, test.name)
         self.tests.currentIndexChanged.connect(self._describe_test)

@@ -36,6 +36,7 @@ from spacemap_vtk.scenes.plan_settings import PlanSettings
 from spacemap_vtk.scenes.plan_tables import PlanTable, plan_as_csv, plan_tables
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.weave.yarn_library import YARNS
+from spacemap_vtk.units import UNITS
 
 #: Time without changes until the plan is computed, in ms.
 _REST_TIME = 250
@@ -120,6 +121,7 @@ class PlanTab(QWidget):
         for signal in (document.changed, document.replaced):
             signal.connect(self._rest_timer.start)
         self._show_plan(None)
+        self._show_defaults()
         self._show_hint()
 
     def showEvent(self, event: QShowEvent) -> None:
@@ -194,7 +196,6 @@ class PlanTab(QWidget):
         else:
             field = line = QLineEdit(toolTip=tip)
             line.setMinimumWidth(50)
-        line.setPlaceholderText(AUTOMATIC if parameter.automatic else default)
         line.editingFinished.connect(partial(self._submit, parameter.name))
         self.fields[parameter.name] = line
         return field
@@ -226,8 +227,22 @@ class PlanTab(QWidget):
 
     def _set_units(self, _index: int) -> None:
         self.settings.configure(units=self.units.currentText())
+        self._show_defaults()
         self._show_hint()
         self._rest_timer.start()
+
+    def _show_defaults(self) -> None:
+        """Show what empty fields mean, in the units of the plan."""
+        for name, line in self.fields.items():
+            parameter = PlanSettings.parameter(name)
+            unit = _USUAL_UNITS[self.settings.units].get(parameter.unit, "")
+            if parameter.automatic:
+                text = AUTOMATIC
+            elif parameter.kind == "real" and unit:
+                text = f"{parameter.default / UNITS[parameter.unit][unit]:.3g} {unit}"
+            else:
+                text = parameter.default_text
+            line.setPlaceholderText(text)
 
     def _show_hint(self) -> None:
         units = _USUAL_UNITS[self.settings.units]

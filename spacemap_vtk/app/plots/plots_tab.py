@@ -12,7 +12,6 @@ import numpy as np
 from PySide6.QtCore import QEvent, Signal
 from PySide6.QtGui import QHideEvent, QShowEvent, QStandardItemModel
 from PySide6.QtWidgets import (
-    QComboBox,
     QMenu,
     QProgressBar,
     QPushButton,
@@ -30,7 +29,7 @@ from spacemap_vtk.app.plots.curves import (
     motion_key,
 )
 from spacemap_vtk.app.view.pick import Pick
-from spacemap_vtk.app.widgets import column, is_dark, narrow, note, row, single_shot
+from spacemap_vtk.app.widgets import NarrowComboBox, column, is_dark, note, row, single_shot
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.draw.figure.plots import ENERGY_NAMES, QUANTITIES
 from spacemap_vtk.draw.figure.reaction_plot import ReactionCurves, reaction_table
@@ -89,15 +88,16 @@ class PlotsTab(QWidget):
         self._drawn: dict[str, Any] = {}
         #: Created when the tab is first shown, because importing matplotlib takes time.
         self.canvas: PlotCanvas | None = None
-        self.quantity = QComboBox()
+        # In a narrow window, shorten the words rather than the view.
+        self.quantity = NarrowComboBox(4)
         self.quantity.addItems([name.capitalize() for name in (*QUANTITIES, *REACTIONS)])
         self._quantity_is_chosen = False
-        self.component = QComboBox(toolTip="Component of the motion, force or moment")
+        self.component = NarrowComboBox(4, toolTip="Component of the motion, force or moment")
         self.component.addItems(["along x", "along y", "along z", "magnitude"])
         self._component_is_chosen = False
         #: For forces and moments: the body on which they act, and the abscissa of the plot.
-        self.body = QComboBox(toolTip="Support, grip or obstacle that holds the cloth")
-        self.abscissa = QComboBox(toolTip="Abscissa of forces and moments")
+        self.body = NarrowComboBox(4, toolTip="Support, grip or obstacle that holds the cloth")
+        self.abscissa = NarrowComboBox(4, toolTip="Abscissa of forces and moments")
         self.clear_button = QPushButton("Clear points")
         self.save_button = QPushButton("Save")
         menu = QMenu(self)
@@ -110,8 +110,6 @@ class PlotsTab(QWidget):
         self.save_button.setMenu(menu)
         self.hint = note(_HINT)
         self.add_button = AddStageButton("response")
-        for box in (self.quantity, self.component, self.body, self.abscissa):
-            narrow(box, 4)  # in a narrow window, shorten the words rather than the view
         first = row(None, (self.quantity, 1), (self.component, 1))
         choices = row(None, (self.body, 1), (self.abscissa, 1))
         second = row(None, (self.clear_button, 1), (self.save_button, 1))

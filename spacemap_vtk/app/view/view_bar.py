@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from PySide6.QtCore import QSettings, QSize, Qt, Signal
 from PySide6.QtGui import QAction, QActionGroup, QIcon, QResizeEvent
-from PySide6.QtWidgets import QComboBox, QLabel, QMenu, QSizePolicy, QToolBar, QToolButton, QWidget
+from PySide6.QtWidgets import QLabel, QMenu, QSizePolicy, QToolBar, QToolButton, QWidget
 
 from spacemap_vtk.app.view.camera_menu import SavedCameraMenu
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_keys import ViewKeys
-from spacemap_vtk.app.widgets import action, narrow, row
+from spacemap_vtk.app.widgets import NarrowComboBox, action, row
 from spacemap_vtk.scenes.colorings import COLORINGS, GROUPS
 from spacemap_vtk.scenes.presets import PRESETS
 from spacemap_vtk.scenes.scene import Scene
@@ -117,7 +117,7 @@ class ViewBar(QToolBar):
             self, "Let go of the supports", lambda _: self.let_go_asked.emit(), "Shift+H"
         )
         # The box starts narrow, and grows if there is room.
-        self.coloring = narrow(QComboBox(toolTip="Colour by"), _COLORING_LETTERS)
+        self.coloring = NarrowComboBox(_COLORING_LETTERS, toolTip="Colour by")
         self.coloring.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         #: The same choices as menu actions, for windows too narrow for the box.
         self.colorings: dict[str, QAction] = {}
