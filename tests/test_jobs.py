@@ -268,3 +268,16 @@ def test_a_new_kind_of_job_needs_one_class(
     worker.main()
     assert '{"result": "2 lines"}' in capsys.readouterr().out
     assert job.output.read_bytes().splitlines()[:2] == before.splitlines()[:2]
+
+
+def test_a_sheet_that_stays_in_equilibrium_is_exported_once_and_not_filmed(tmp_path: Path) -> None:
+    hung = {"elements": "sheet", "gravity": (0, 0, -9.81)}
+    still = Scene({"weave": {}, "cage": {}, "modal": hung, "response": {}})
+    assert not still.is_animated
+    assert len(DataJob(tmp_path / "cloth.pvd", "surface").decide_times(still).values) == 1
+    with pytest.raises(InputError, match=r"nothing in this scene moves.*add loads"):
+        FilmJob(tmp_path / "cloth.gif").decide_times(still)
+    for moved in ({"gravity": (0, 0, 0)}, {"initial_velocity": (0, 0, 1)}):
+        scene = Scene({"weave": {}, "cage": {}, "modal": hung, "response": moved})
+        assert scene.is_animated
+        assert len(DataJob(tmp_path / "cloth.pvd", "surface").decide_times(scene).values) > 1

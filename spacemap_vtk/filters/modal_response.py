@@ -97,6 +97,24 @@ class ModalResponse(LoadParameters, Stage):
                     cure="Leave out follower, or use [transient] instead of [response].",
                 )
 
+    def keeps_equilibrium(self, gravity: tuple[float, ...]) -> bool:
+        """Return whether a cage stays in its equilibrium, as nothing moves it.
+
+        Parameters
+        ----------
+        gravity : tuple of float
+            Gravity of the equilibrium [m/s²].
+
+        Returns
+        -------
+        bool
+            False if there are loads, another gravity, or an initial displacement or velocity.
+        """
+        same = any(gravity) if self.gravity is None else self.gravity == gravity
+        start = (*self.initial_velocity, *self.initial_displacement)
+        arrays = self.initial_velocity_array or self.initial_displacement_array
+        return same and not (self.loads or any(start) or arrays)
+
     def run(
         self, inputs: list[vtkUnstructuredGrid], output: vtkUnstructuredGrid, time: float
     ) -> None:

@@ -329,8 +329,10 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         """Assemble the matrices, solve, and attach the modes as point arrays."""
         self.report_progress(0.0)
         grid = inputs[0]
-        if self._yarns is None and textile_of(grid) is not None:
-            self._yarns = StatedYarns()
+        if (textile := textile_of(grid)) is not None:
+            self._yarns = self._yarns or StatedYarns()
+            if self.material == WOVEN:
+                textile.require_bending()  # the automatic cage of yarns without it is no sheet
         vertices, elements = points_of(grid).astype(np.float64, copy=False), elements_of(grid)
         self.choose_modulus(vertices, elements, up_axis(grid))
         held, fittings, warnings = self.make_fittings(grid, vertices, elements)

@@ -137,7 +137,7 @@ def law_of_textile(kind: TextileKind, progress: Progress | None = None) -> CellL
     rest = _require_sheet(kind, None)
     unit, force = kind.scale, kind.require_bending() / kind.scale**2
     membrane = _cell_stiffness(kind, rest, progress)[0].membrane
-    key = _digest(kind, rest, "law")
+    key = _digest(kind, rest, "law beside snaps")
     found = _recent.get(key) or cache.load(key, values=(-1, -1), constants=(2,))
     if found is None:
         mechanics, (yarns, cell) = kind.mechanics_of_sheet(rest), rest[:2]

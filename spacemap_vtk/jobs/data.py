@@ -175,7 +175,7 @@ def writes_numbered_files(output: Path, kind: str) -> bool:
 def series_times(scene: Scene, times: Sequence[float]) -> Times:
     """Return the requested times of a series; by default those of the scene's film."""
     if not times:
-        return film_times(scene) if scene.moves else selected_times([scene.view.time])
+        return film_times(scene) if scene.is_animated else selected_times([scene.view.time])
     if len(times) > 1 and not scene.moves:
         raise InputError(
             "a scene that does not move cannot have several times",

@@ -83,12 +83,14 @@ class FilmJob(Job):
 
     def decide_times(self, scene: Scene) -> Times:
         """Return the times of the frames."""
-        if not (scene.moves or scene.animation.orbit):
+        if not (scene.is_animated or scene.animation.orbit):
+            motion = "add loads to [response]"
+            if not scene.moves:
+                motion = "add a section [response], for example with --set response.alpha=1"
             raise InputError(
                 "nothing in this scene moves, so all frames would be the same",
-                cure='Let the camera go round it with "--orbit 360deg", add a section [response], '
-                "for example with --set response.alpha=1, or draw a picture with "
-                '"spacemap render".',
+                cure=f'Let the camera go round it with "--orbit 360deg", {motion}, or draw a '
+                'picture with "spacemap render".',
             )
         scene.check()
         return film_times(scene)

@@ -93,7 +93,10 @@ def _follow_representation(proxy: Any) -> None:
     def adjust(caller: Any, event: str) -> None:
         name, representation = caller.GetElement(_NAME), alive()
         if name and representation is not None:
-            wanted = int(not (name == "color" and _has_colors(representation)))
+            has_colors = _has_colors(representation)
+            if name == "color" and has_colors is None:
+                return  # a state file is being loaded, which contains the user's choice
+            wanted = int(not (name == "color" and has_colors))
             if mapped.GetElement(0) != wanted:
                 mapped.SetElement(0, wanted)  # sent together with the array's name
 
@@ -113,7 +116,7 @@ def _send_opacity(proxy: Any) -> None:
     hides = (
         not proxy.GetProperty("MapScalars").GetElement(0)
         and proxy.GetProperty("Opacity").GetElement(0) >= 1.0
-        and _has_colors(proxy)
+        and bool(_has_colors(proxy))
     )
     number, session = proxy.GetGlobalID(), proxy.GetSessionProxyManager()
     if _opaque_by_id.get(number, False) == hides:
@@ -158,12 +161,15 @@ def _color_map_id(proxy: Any) -> int | None:
     return None if table is None else int(table.GetGlobalID())
 
 
-def _has_colors(representation: Any) -> bool:
+def _has_colors(representation: Any) -> bool | None:
+    """Return whether what is shown has colours; None if it was not computed yet."""
     shown = representation.GetProperty("Input")
     source = shown.GetProxy(0)
     if source is None:
         return False
     data = source.GetDataInformation(shown.GetOutputPortForConnection(0))
+    if data.GetNumberOfPoints() == 0:
+        return None
     found = (
         arrays.GetArrayInformation("color")
         for arrays in (data.GetCellDataInformation(), data.GetPointDataInformation())

@@ -708,7 +708,7 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
     }
     values["cage"] = {"divisions": cells}
     values["response"] = {"damping_ratio": 0.08}
-    values["animation"] = {"stop": "2 s"}
+    values["animation"] = {"stop": "8 s", "orbit": 360.0}  # it lies still
 
 
 def _drop(values: dict[str, Any], sheet: _Sheet) -> None:

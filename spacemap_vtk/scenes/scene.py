@@ -212,6 +212,14 @@ class Scene:
         return self.stage("mover") is not None
 
     @property
+    def is_animated(self) -> bool:
+        """Whether the cage moves in time; one that only hangs or lies in equilibrium does not."""
+        mover, solver = self.stage("mover"), self.stage("solver")
+        if isinstance(mover, ModalResponse) and isinstance(solver, ModalSolver):
+            return not (solver.is_hung and mover.keeps_equilibrium(solver.gravity))
+        return mover is not None
+
+    @property
     def motion_stages(self) -> list[Stage]:
         """The stages from the mover of the cage to the warp of the object."""
         mover = self.stage("mover")

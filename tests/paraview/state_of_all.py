@@ -168,6 +168,8 @@ def check() -> None:
 
 simple.ResetSession()
 simple.LoadState(str(folder / "all.pvsm"))
+displays = [simple.GetDisplayProperties(simple.FindSource(name)) for name in ("surface", CHAIN[-1])]
+assert [each.MapScalars for each in displays] == [0, 0]  # yarns keep their own colours
 check()
 simple.ResetSession()
 exec((folder / "all.py").read_text(), {"__name__": "state"})

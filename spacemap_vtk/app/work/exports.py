@@ -136,7 +136,7 @@ class Exports(QObject):
             )
         scene = self._document.scene
         try:
-            asks_times = scene.moves and make_data_job(path, kind).is_series
+            asks_times = scene.is_animated and make_data_job(path, kind).is_series
         except SpacemapError as error:
             self.failed.emit(error)
             return
@@ -324,12 +324,12 @@ class Exports(QObject):
             transparent,
             scene.view,
             picked,
-            scene.moves,
+            scene.is_animated,
             describe,
             check,
         )
         animation = scene.animation if kind == "film" else None
-        if animation is not None and not (scene.moves or animation.orbit):
+        if animation is not None and not (scene.is_animated or animation.orbit):
             animation = Animation(**{**animation.settings, **_TURN})
         dialog = ExportDialog(self._window, f"Export {kind}", animation, options)
         if not dialog.exec():

@@ -217,8 +217,9 @@ class TextileKind(Parameterised):
         size = self.size / self.scale
         section = (diameter / size) ** 2
         spans = sample_yarns(rest.yarns).spans
+        bending = self.require_bending()
         assert self.tension is not None
-        stiff = self.tension * self.scale**2 / self.require_bending()
+        stiff = self.tension * self.scale**2 / bending
         contact = CONTACT / size**5
         return RodMechanics(stiff * section, section, contact, self.lengths(rest) / spans)
 

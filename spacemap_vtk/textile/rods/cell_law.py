@@ -21,6 +21,7 @@ stretched along y alone, and its energy across is taken to be the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +34,7 @@ from spacemap_vtk.mechanics.elements.membrane_law import (
 )
 from spacemap_vtk.ndarrays import Floats, Progress
 from spacemap_vtk.textile.rods.energy import RodMechanics
-from spacemap_vtk.textile.rods.relax import Stage, relax_yarns
+from spacemap_vtk.textile.rods.relax import Relaxed, Stage, relax_yarns
 from spacemap_vtk.textile.rods.yarns import Yarn
 
 #: Directions of strain, and radii of the table up to `_REACH`; near zero their distance is that of
@@ -60,6 +61,8 @@ _LINEAR = 1e-3
 _LARGEST_STRAIN = 0.03
 #: Strain at which the energy of the stiffness at rest is the w of the logarithm.
 _KNEE = 0.04
+#: Yarns have snapped if the energy of a step is below this share of what the smaller pull says.
+_SNAP = 0.9
 #: Stage of the search of each state.
 _STAGE = Stage(1.0, 1.0, 1e-6)
 
@@ -399,31 +402,77 @@ def _march(
     rest: float,
 ) -> Floats:
     """Strain a cell step by step, and return radius, energy and force per area, (3, n)."""
-    held = np.zeros((2, 3), dtype=bool)
     first, least = (_FIRST, 0.0) if mechanics.set_in is None else (_FIRST_SET, _LEAST_SET)
     change = np.append(way, 0.0)
-    radius = 0.0
-    found: list[list[float]] = []
-    while radius < _REACH - 1e-9:
-        step = min(max(first, _GROWTH * radius), _WIDEST, _REACH - radius)
-        ratio = (1.0 + (radius + step) * change) / (1.0 + radius * change)
-        if ratio.min() < 0.5 or (1.0 + (radius + step) * change).min() < least:
+    radii, states = [0.0], [_strain_cell(yarns, cell, mechanics, change, 0.0, 0.0)]
+    while radii[-1] < _REACH - 1e-9:
+        radius = radii[-1]
+        radius += min(max(first, _GROWTH * radius), _WIDEST, _REACH - radius)
+        ratio = (1.0 + radius * change) / (1.0 + radii[-1] * change)
+        if ratio.min() < 0.5 or (1.0 + radius * change).min() < least:
             break
-        moved = [yarn._replace(points=yarn.points * ratio) for yarn in yarns]
         try:
-            state = relax_yarns(
-                moved, cell * (1.0 + (radius + step) * change), mechanics, held, stages=[_STAGE]
-            )
+            state = _strain_cell(states[-1].yarns, cell, mechanics, change, radii[-1], radius)
         except SolverError:
-            if len(found) < 4:
+            if len(states) < 5:
                 raise
             break
-        radius, yarns = radius + step, state.yarns
-        force = float((state.state.gradient[-2:] * cell * change).sum()) / area
-        found.append([radius, (state.state.energy - rest) / area, force])
-        if force > limit:
+        radii.append(radius)
+        states.append(state)
+        if _pull(state, cell, change) > limit * area:
             break
-    return np.array(found).T
+    _go_back(radii, states, cell, mechanics, change)
+    energies = np.array([state.state.energy for state in states]) - rest
+    pulls = np.array([_pull(state, cell, change) for state in states])
+    found = np.stack([radii, energies / area, pulls / area])[:, 1:]
+    return found[:, found[2] > 0.0]  # others are in the middle of a snap
+
+
+def _strain_cell(
+    yarns: Sequence[Yarn],
+    cell: Floats,
+    mechanics: RodMechanics,
+    change: Floats,
+    before: float,
+    after: float,
+) -> Relaxed:
+    """Relax yarns of a cell that was strained by one radius at another one."""
+    ratio = (1.0 + after * change) / (1.0 + before * change)
+    moved = [yarn._replace(points=yarn.points * ratio) for yarn in yarns]
+    held = np.zeros((2, 3), dtype=bool)
+    return relax_yarns(moved, cell * (1.0 + after * change), mechanics, held, stages=[_STAGE])
+
+
+def _pull(state: Relaxed, cell: Floats, change: Floats) -> float:
+    """Compute the derivative of the energy of a strained cell by the radius."""
+    return float((state.state.gradient[-2:] * cell * change).sum())
+
+
+def _go_back(
+    radii: Sequence[float],
+    states: list[Relaxed],
+    cell: Floats,
+    mechanics: RodMechanics,
+    change: Floats,
+) -> None:
+    """Replace states before a snap by those that its end leads back to, if their energy is less."""
+
+    # Yarns that are pressed snap into another shape later than it has less energy. Then the energy
+    # grows by less than either of the pulls says, or a pull is negative.
+    def relax_back(k: int) -> Relaxed:
+        return _strain_cell(states[k + 1].yarns, cell, mechanics, change, radii[k + 1], radii[k])
+
+    def has_snapped(k: int) -> bool:
+        grown = states[k + 1].state.energy - states[k].state.energy
+        pull = min(_pull(state, cell, change) for state in states[k : k + 2])
+        return pull < 0.0 or grown < _SNAP * pull * (radii[k + 1] - radii[k])
+
+    for k in range(len(states) - 2, 0, -1):
+        if has_snapped(k):
+            with suppress(SolverError):
+                back = relax_back(k)
+                if back.state.energy < states[k].state.energy:
+                    states[k] = back
 
 
 def _fit_ray(radii: Floats, states: Floats, stiffness: float, scale: float) -> Floats:
