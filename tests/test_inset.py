@@ -72,3 +72,18 @@ def test_an_inset_of_nothing_is_refused() -> None:
 def test_two_insets_need_two_corners() -> None:
     with pytest.raises(InputError, match="two insets"):
         Scene({"view": {"insets": [{"corner": "upper left"}, {"place": [0.4, 0.4]}]}})
+
+
+def test_an_inset_leaves_room_for_axes_and_scale_bar() -> None:
+    scene = Scene({"weave": WEAVE, "view": {"camera": "face"}})
+    picture = Picture(scene, [0.0], SIZE)
+    picture.draw(0.0)
+    camera = picture.panels[0].window.camera
+    inset, plate = Inset(corner="lower left"), (8.0, 8.0, 90.0, 60.0)
+    corner = [
+        view_of_inset(0, inset, camera, scene.polygons, SIZE, 0.0, plates).corner
+        for plates in ((), [plate], [(200.0, 8.0, 290.0, 60.0)])
+    ]
+    picture.close()
+    assert corner[1] == (corner[0][0], corner[0][1] - 60)
+    assert corner[2] == corner[0]

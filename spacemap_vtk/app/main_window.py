@@ -714,7 +714,7 @@ class MainWindow(QMainWindow):
         if frame.values == self.document.values:
             self.view.forget_change()
         elif self.view.aims_change:
-            self.view.preview.announce()
+            self.view.preview.announce(True)
         # A frame of a mode or pull does not prove that the motion works: its stages did not run.
         if frame.mode is None:
             self.errors.clear("run")
@@ -785,7 +785,10 @@ class MainWindow(QMainWindow):
             if is_warning_shown
             else ""
         )
-        self.status_text.show_text(f"{count:,} facets{note}", link, target)
+        view = self.document.scene.view
+        kept = ["depth of field"] * (view.aperture > 0.0) + ["close-ups"] * bool(view.insets)
+        in_files = f"  Only exported files show {' and '.join(kept)}." if kept else ""
+        self.status_text.show_text(f"{count:,} facets{in_files}{note}", link, target)
         # Qt shows a tooltip as plain text if it contains no tags. Text from a file must not be
         # interpreted as HTML.
         self.status_text.setToolTip(details.replace("<", "‹"))

@@ -15,7 +15,7 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.ndarrays import Bytes, Floats
+from spacemap_vtk.ndarrays import Bytes, Floats, Progress
 from spacemap_vtk.scenes.settings import View
 
 #: Number of points on the lens.
@@ -64,6 +64,7 @@ def mean_over_lens(
     view: View,
     size: tuple[int, int],
     draw: Callable[[Callable[[], None]], Bytes],
+    report_progress: Progress = lambda _: None,
 ) -> Bytes:
     """Return the mean of the pictures that `draw` returns for all points of a view's lens."""
     # `draw` gets a function that places the camera; `size` is that of the picture in pixels. Each
@@ -82,7 +83,8 @@ def mean_over_lens(
     cover: Floats | float = 0.0
     points = 0.5 * view.aperture * distance * lens_points(LENS_POINTS)
     pixels = 2.0 * _places_in_pixel(LENS_POINTS) / size
-    for point, pixel in zip(points, pixels, strict=True):
+    for number, (point, pixel) in enumerate(zip(points, pixels, strict=True)):
+        report_progress(number / LENS_POINTS)
         shift, middle = point @ axes, center - point / half + pixel
 
         def place(shift: Floats = shift, middle: Floats = middle) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,9 +67,11 @@ def view_of_inset(
     surface: vtkPolyData,
     size: tuple[int, int],
     scale_width: float = 0.0,
+    plates: Sequence[tuple[float, float, float, float]] = (),
 ) -> InsetView:
     """Return the view of an inset in a picture of a surface with a camera."""
-    # `scale_width` is the share of the width that a colour scale takes on the right.
+    # `scale_width` is the share of the width that a colour scale takes on the right. `plates` are
+    # those of axes, scale bar and time: left, bottom, right and top in pixels.
     width, height = size
     side = max(16, round(inset.size * height))
     if side > width:
@@ -77,7 +80,16 @@ def view_of_inset(
     edge = round(_EDGE * height)
     right, upper = inset.corner_of_picture
     free = round((1.0 - scale_width) * width)
-    corner = free - edge - side if right else edge, edge if upper else height - edge - side
+    left = free - edge - side if right else edge
+    # Beyond the plates in this corner, if there is room.
+    heights = [
+        height - low if upper else high
+        for first, low, last, high in plates
+        if first < left + side and last > left and (low > height / 2) == bool(upper)
+    ]
+    away = math.ceil(max(heights, default=0.0)) + edge
+    away = away if away + side + edge <= height else edge
+    corner = left, away if upper else height - away - side
     place = inset.place[0] * width, (1.0 - inset.place[1]) * height
     point = _point_at(camera, surface, inset.place, size, field)
     if point is None:

@@ -45,9 +45,10 @@ from spacemap_vtk.draw.inset import place_inset, view_of_inset
 from spacemap_vtk.draw.obstacles import obstacle_reach
 from spacemap_vtk.draw.offscreen import OffscreenWindow, open_offscreen
 from spacemap_vtk.draw.scene_view import SceneView, ViewOptions
-from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Singles
+from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Progress, Singles
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.flat_picture import flat_cloth, picture_size
+from spacemap_vtk.scenes.insets import Inset
 from spacemap_vtk.scenes.level_of_detail import (
     DrawingMethod,
     DrawnCloth,
@@ -163,6 +164,8 @@ class Picture:
             for_page or transparent,
         )
         self.scene = scene
+        #: Receives the share of a picture that is drawn, for slow ones with a lens or insets.
+        self.report_progress: Progress = lambda _: None
         width, height = size or picture_size(scene)
         panels = panel_contents(scene, show)
         self._request = PictureRequest((width, height), len(times), panels, wireframe)
@@ -285,9 +288,15 @@ class Picture:
     def _draw_frame(self, frame: Frame) -> Image:
         """Draw a frame in all panels, with the present cameras."""
         view = self.scene.view
-        drawn = [self._draw_panel(panel, frame) for panel in self.panels]
-        if view.insets and not self._for_page:
-            drawn[-1] = self._add_insets(drawn[-1], frame)
+        insets = () if self._for_page else view.insets
+        count = len(self.panels) + len(insets)
+        drawn = [
+            self._draw_panel(panel, frame, _part_of(self.report_progress, number, count))
+            for number, panel in enumerate(self.panels)
+        ]
+        for number, inset in enumerate(insets):
+            report = _part_of(self.report_progress, len(self.panels) + number, count)
+            drawn[-1] = self._add_inset(drawn[-1], frame, number, inset, report)
         return np.concatenate(drawn, axis=1)
 
     def _aim_cameras(self, time: float) -> None:
@@ -300,31 +309,37 @@ class Picture:
             view = self._facets_for._replace(viewpoint=aim)
             choose_facets(self.scene.surface, self.level, view, self.scene.view.yarn_look)
 
-    def _add_insets(self, image: Image, frame: Frame) -> Image:
-        """Draw the insets of the last panel over its picture."""
+    def _add_inset(
+        self, image: Image, frame: Frame, number: int, inset: Inset, report: Progress
+    ) -> Image:
+        """Draw an inset of the last panel over its picture."""
         scene, panel = self.scene, self.panels[-1]
         content = panel_contents(scene, self._request.panels)[-1]
         surface = frame.surface if self.sheet is None else self.sheet.moved
         extent = points_of(surface).astype(np.float64), self._span
-        for number, inset in enumerate(scene.view.insets):
-            camera, free = panel.window.camera, panel.scene_view.scale_width
-            shown = view_of_inset(number, inset, camera, surface, panel.size, free)
-            close = Picture(
-                scene,
-                [frame.time],
-                (shown.side, shown.side),
-                [content],
-                shown.viewpoint,
-                extent,
-                for_page=True,
-                wireframe=self._wireframe,
-            )
-            image = place_inset(image, close.draw(frame.time), shown, scene.view)
-            close.close()
-            self._inset_facets = True
+        camera, free = panel.window.camera, panel.scene_view.scale_width
+        enlarged = panel.window.size[1] / panel.size[1]
+        plates = [
+            tuple(end / enlarged for end in box) for box in panel.scene_view.annotations.boxes
+        ]
+        shown = view_of_inset(number, inset, camera, surface, panel.size, free, plates)
+        close = Picture(
+            scene,
+            [frame.time],
+            (shown.side, shown.side),
+            [content],
+            shown.viewpoint,
+            extent,
+            for_page=True,
+            wireframe=self._wireframe,
+        )
+        close.report_progress = report
+        image = place_inset(image, close.draw(frame.time), shown, scene.view)
+        close.close()
+        self._inset_facets = True
         return image
 
-    def _draw_panel(self, panel: _Panel, frame: Frame) -> Image:
+    def _draw_panel(self, panel: _Panel, frame: Frame, report: Progress) -> Image:
         """Draw a panel with its camera, or with all cameras on the lens."""
         if not self._has_lens:
             return self._draw_once(panel, frame)
@@ -333,6 +348,7 @@ class Picture:
             self.scene.view,
             panel.size,
             lambda place: self._draw_once(panel, frame, place),
+            report,
         )
 
     def _draw_once(
@@ -595,3 +611,8 @@ def combine_extents(extents: Sequence[Extent]) -> Extent:
 
 def _thin_out(points: AnyFloats) -> AnyFloats:
     return points[:: max(1, len(points) // 20_000)]
+
+
+def _part_of(progress: Progress, number: int, count: int) -> Progress:
+    """Return a function that reports the share of one of `count` parts as that of all."""
+    return lambda share: progress((number + share) / count)

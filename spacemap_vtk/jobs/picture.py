@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: Default number of rays for each pixel of a traced picture.
 SAMPLES = 64
+#: Steps of the progress of a drawn picture.
+_SHARES = 100
 #: Most rays for each pixel.
 MOST_SAMPLES = 65_536
 
@@ -105,7 +107,7 @@ class PictureJob(Job):
         if self.samples:
             raytraced: Callable[..., Image] = extensions.load("renderers", "raytrace")
             return raytraced(scene, time, size, self.samples, context.progress)
-        context.progress(0, 1)
+        context.progress(0, _SHARES)
         picture = Picture(
             scene,
             scene.animation.frame_times() if self.framed else [time],
@@ -116,9 +118,10 @@ class PictureJob(Job):
             wireframe=self.wireframe,
             orbits=self.framed,
         )
+        picture.report_progress = lambda share: context.progress(int(share * _SHARES), _SHARES)
         image = picture.draw(time)
         picture.close()
-        context.progress(1, 1)
+        context.progress(_SHARES, _SHARES)
         return image
 
 

@@ -13,8 +13,9 @@ from spacemap_vtk.app.widgets import single_shot
 #: Delay before the caption appears, in ms; most scenes are drawn earlier.
 _DELAY = 300
 _CAPTION = "Preview. The scene is being computed."
-#: Caption over the picture of the former scene.
-_ANNOUNCEMENT = "This is the former picture. The new one is being computed."
+#: Captions over the picture of the former scene, and over an empty view.
+_FORMER = "This is the former picture. The new one is being computed."
+_EMPTY = "The scene is being computed."
 #: Margins of the announcement, in pixels.
 _PADDING = 12, 6
 #: Free margin around the thumbnail, as a fraction of the view.
@@ -32,7 +33,7 @@ class Preview(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.hide()
         self._picture = QPixmap()
-        self._has_caption = False
+        self._has_caption, self._announcement = False, _EMPTY
         self._delay_timer = single_shot(self, self._show_caption, _DELAY)
         parent.installEventFilter(self)
 
@@ -43,10 +44,11 @@ class Preview(QWidget):
         if not self._picture.isNull():
             self._begin()
 
-    def announce(self) -> None:
-        """Write over the present picture that a new one is being computed, until `end`."""
+    def announce(self, has_picture: bool) -> None:
+        """Write over the view, or its former picture, that the scene is being computed."""
         if self.isHidden():
             self._picture = QPixmap()
+            self._announcement = _FORMER if has_picture else _EMPTY
             self._begin()
 
     def _begin(self) -> None:
@@ -96,7 +98,7 @@ class Preview(QWidget):
     def _paint_announcement(self, painter: QPainter) -> None:
         """Paint the announcement on a plate at the top of the view."""
         metrics, (across, above) = self.fontMetrics(), _PADDING
-        plate = metrics.boundingRect(_ANNOUNCEMENT).adjusted(-across, -above, across, above)
+        plate = metrics.boundingRect(self._announcement).adjusted(-across, -above, across, above)
         plate.moveCenter(self.rect().center())
         plate.moveTop(2 * above)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -104,4 +106,4 @@ class Preview(QWidget):
         painter.setBrush(self.palette().toolTipBase())
         painter.drawRoundedRect(plate, above, above)
         painter.setPen(self.palette().toolTipText().color())
-        painter.drawText(plate, Qt.AlignmentFlag.AlignCenter, _ANNOUNCEMENT)
+        painter.drawText(plate, Qt.AlignmentFlag.AlignCenter, self._announcement)

@@ -176,8 +176,7 @@ class View3D(QWidget):
         """Keep picture and camera until the changed scene is drawn, which then fits to the view."""
         # `aims`: the camera and the other settings of the view change with the scene.
         self.fits_change, self.aims_change = True, aims
-        if self.frame is not None and not self._is_scene_closed:
-            self.preview.announce()
+        self.preview.announce(self.frame is not None and not self._is_scene_closed)
 
     def forget_change(self) -> None:
         """End the preview: the scene is drawn."""

@@ -450,7 +450,7 @@ class Exports(QObject):
         self.start("sweep", dialog.folder, lists=dialog.assignments, paired=paired)
 
     def _show_progress(self, done: int, of: int) -> None:
-        self.bar.setRange(0, of)
+        self.bar.setRange(0, of if done else 0)  # busy until a share is known
         self.bar.setValue(done)
 
     def _succeed(self, text: str) -> None:
