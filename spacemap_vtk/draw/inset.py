@@ -67,7 +67,7 @@ def view_of_inset(
     surface: vtkPolyData,
     size: tuple[int, int],
     scale_width: float = 0.0,
-    plates: Sequence[tuple[float, float, float, float]] = (),
+    plates: Sequence[tuple[float, ...]] = (),
 ) -> InsetView:
     """Return the view of an inset in a picture of a surface with a camera."""
     # `scale_width` is the share of the width that a colour scale takes on the right. `plates` are
