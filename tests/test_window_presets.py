@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -48,6 +49,16 @@ def test_a_preset_keeps_an_edited_draft() -> None:
     document.apply_preset("hang", yarn="20/2 silk", size=[0.1])
     assert document.scene.draft_file == TWILL.resolve()
     assert document.values["weave"]["warp_yarn"] == "20/2 silk"
+
+
+def test_an_edited_draft_is_saved_with_the_scene_of_a_preset(tmp_path: Path) -> None:
+    document = Document()
+    document.open(TWILL)
+    edited = document.drafts.add(document.scene.woven.make_draft(), TWILL)
+    document.set("weave", "draft", str(edited))
+    document.apply_preset("hang")
+    document.save(tmp_path / "curtain.toml")
+    assert document.scene.draft_file.parent == tmp_path
 
 
 def test_the_button_hang_makes_a_curtain_of_a_still_cloth(open_window: Any) -> None:

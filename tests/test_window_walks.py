@@ -73,6 +73,7 @@ def test_every_step_points_to_something(open_scene: Any, title: str) -> None:
         frame = guide.frame[0].geometry().united(guide.frame[1].geometry())
         assert frame.width() > 10
         assert guide.parent().rect().contains(guide.bubble.geometry())
+        assert guide.text.height() >= guide.text.heightForWidth(guide.text.width())
         guide.next_button.click()
     assert len(seen) > 3
     assert ended == [True]

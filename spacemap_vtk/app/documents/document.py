@@ -336,9 +336,13 @@ class Document(QObject):
     def apply_preset(self, preset: str, **options: Any) -> list[str]:
         """Make cloth in motion of the scene's textile, in one undo step; return the assumptions."""
         plan = presets.make_plan(self.scene, preset, **options)
+        values, draft = plan.values, self.scene.draft_file
+        if self.drafts.contains(draft):
+            # By its whole path, by which the edited draft is recognised when the scene is saved.
+            values = {**values, "weave": {**values["weave"], "draft": str(draft)}}
 
         def change() -> None:
-            self._parse(presets.format_preset(plan.values))
+            self._parse(presets.format_preset(values))
 
         self._change(change, PRESETS[preset].label.lower())
         return plan.notes

@@ -67,6 +67,8 @@ class Guide(QObject):
         self.close_button.clicked.connect(self.stop)
         buttons = row(None, self.close_button, None, self.back_button, self.next_button)
         column(self.bubble, self.heading, self.text, buttons, margins=(12, 10, 12, 10), spacing=8)
+        #: Where the note was when what is below it was last painted.
+        self._repainted = QRect()
         #: Frame around the widget: left, right, top, bottom.
         self.frame = [QWidget(window) for _ in range(4)]
         for widget in (*self.frame, self.bubble):
@@ -95,6 +97,7 @@ class Guide(QObject):
         self.steps = ()
         for widget in (*self.frame, self.bubble):
             widget.hide()
+        self._repaint_below()
         self.ended.emit(at_end)
 
     def eventFilter(self, _watched: QObject, event: QEvent) -> bool:
@@ -136,7 +139,9 @@ class Guide(QObject):
     def _place(self) -> None:
         """Put the frame around the widget and the note beside it, within the window."""
         area = self._area(self.steps[self.number].target())
-        self.bubble.adjustSize()
+        # Not `adjustSize`, which can use the height of the text before.
+        self.bubble.layout().activate()
+        self.bubble.resize(_WIDTH, self.bubble.layout().totalHeightForWidth(_WIDTH))
         size, window = self.bubble.size(), self._window.rect()
         left_end = min(area.left(), window.width() - size.width() - _GAP)
         below, above, left, right = (
@@ -152,6 +157,7 @@ class Guide(QObject):
         else:  # in a corner of what is large
             inside = QPoint(size.width() + _GAP, size.height() + _GAP)
             self.bubble.move(area.bottomRight() - inside)
+        self._repaint_below()
         left, top, width, height = area.left(), area.top(), area.width(), area.height()
         for line, rect in zip(
             self.frame,
@@ -167,6 +173,13 @@ class Guide(QObject):
         for widget in (*self.frame, self.bubble):
             widget.show()
             widget.raise_()
+
+    def _repaint_below(self) -> None:
+        """Repaint where the note was, which Qt leaves there: it is a native window."""
+        shown = self.bubble.geometry() if self.bubble.isVisible() else QRect()
+        if shown != self._repainted:
+            self._window.update(self._repainted)
+            self._repainted = shown
 
     def _area(self, target: Target) -> QRect:
         """Return where a widget or tab is in the window."""

@@ -86,9 +86,10 @@ def _draw_and_hang(parts: Parts) -> Sequence[Step]:
             is_edited,
         ),
         Step(
-            "Choose a colour, then drag along the coloured bar beside the threading to paint "
-            "the warp, or along the other one to paint the weft.",
-            _in_tab(parts, draft, draft.palette_row),
+            "Choose a colour above the draft, then drag along the coloured bar above the threading "
+            "to paint the warp, or along the one beside the treadling to paint the weft.",
+            # Not to the colours: the note would cover the bars.
+            _in_tab(parts, draft, draft.grid),
             is_colored,
         ),
         Step(
@@ -114,9 +115,10 @@ def _swing(parts: Parts) -> Sequence[Step]:
     document, modes, plots = parts.document, parts.modes, parts.plots
     return (
         Step(
-            "Click a scene of the group Moving cloth.",
+            "Click Plain weave in a gust, in the group Moving cloth.",
             _in_tab(parts, parts.gallery, parts.gallery.list),
-            lambda: document.scene.moves and document.source is not None,
+            # Of another solver's result there are no modes.
+            lambda: document.scene.modal in document.scene.stages and document.source is not None,
         ),
         _open_tab(
             parts, modes, "Click the tab Modes: the shapes in which the cloth swings by itself."

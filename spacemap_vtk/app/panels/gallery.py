@@ -37,7 +37,7 @@ from spacemap_vtk.draw.thumbnails import Entry
 from spacemap_vtk.scenes import library
 
 #: Smallest width of a thumbnail, in pixels.
-_MIN_WIDTH = 112
+_MIN_WIDTH = 100
 #: Height of a thumbnail over its width.
 _ASPECT = 2 / 3
 #: Space between two thumbnails, in pixels.
