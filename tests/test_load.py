@@ -10,8 +10,10 @@ import pytest
 from test_response import EVERY_LOAD, Chain
 
 from spacemap_vtk import ModalResponse
+from spacemap_vtk.cage.lattice import build_lattice
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary import time_functions
+from spacemap_vtk.mechanics.boundary.loads import nearest_vertices
 from spacemap_vtk.scenes.scene import Scene
 
 
@@ -151,3 +153,16 @@ def test_force_outside_the_cage_is_reported() -> None:
     chain.response.loads = [{"force": [0, 0, 1e-6], "at": [0, "-1 m", 0]}]  # type: ignore[assignment]
     chain.response.update(0.0)
     assert "loads[0] acts at a point 0.999 m away from the cage" in chain.response.warnings[0]
+
+
+def test_vertices_that_are_equally_near_to_a_point_share_its_force() -> None:
+    vertices, cells = build_lattice([-2, 2, -1, 1, -0.1, 0.1], [4, 2, 1])
+    on_edge = nearest_vertices(vertices, (1.0, 1.0, 0.0))
+    np.testing.assert_array_equal(vertices[on_edge], [[1, 1, -0.1], [1, 1, 0.1]])
+    assert len(nearest_vertices(vertices, (1.0, 1.0, 0.01))) == 1
+    assert len(nearest_vertices(vertices, (0.5, 0.5, 0.0))) == 8
+    force, place = np.array([0.0, 0.0, 1e-6]), [0.0, -1.5e-3, 0.0]
+    one = Chain(gravity=(0, 0, 0), loads=[{"force": force, "at": place}])
+    halves = [{"force": 0.5 * force, "at": [*place[:2], z]} for z in (-1e-5, 1e-5)]
+    two = Chain(gravity=(0, 0, 0), loads=halves)
+    np.testing.assert_allclose(one.at(0.02), two.at(0.02), rtol=1e-9, atol=1e-15)

@@ -69,7 +69,9 @@ def forces(model: Any, load: Load) -> np.ndarray:
         return sign * np.asarray(model.mass @ np.tile(value, len(points)))
     result = np.zeros_like(points)
     if load.action == "force":
-        result[np.linalg.norm(points - load.at, axis=1).argmin()] = value
+        distance = np.linalg.norm(points - load.at, axis=1)
+        near = distance < distance.min() + 1e-9  # they share the force
+        result[near] = np.asarray(value) / near.sum()
         return result.ravel()
     axis, end = "xyz".index(load.on[1]), (points.max, points.min)[load.on[0] == "-"]
     wall = abs(points[:, axis] - end(axis=0)[axis]) < 1e-9
