@@ -156,7 +156,7 @@ def test_force_outside_the_cage_is_reported() -> None:
 
 
 def test_vertices_that_are_equally_near_to_a_point_share_its_force() -> None:
-    vertices, cells = build_lattice([-2, 2, -1, 1, -0.1, 0.1], [4, 2, 1])
+    vertices = build_lattice([-2, 2, -1, 1, -0.1, 0.1], [4, 2, 1])[0]
     on_edge = nearest_vertices(vertices, (1.0, 1.0, 0.0))
     np.testing.assert_array_equal(vertices[on_edge], [[1, 1, -0.1], [1, 1, 0.1]])
     assert len(nearest_vertices(vertices, (1.0, 1.0, 0.01))) == 1
