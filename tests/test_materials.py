@@ -305,7 +305,7 @@ def test_nearly_incompressible_orthotropic_cage_causes_a_warning():
     made.SetInputConnection(cage.GetOutputPort())
     made.update()
     (text,) = made.warnings
-    assert "an equivalent Poisson's ratio of 0.49" in text
+    assert "the equivalent Poisson's ratio is 0.49" in text
     assert "lower poissons_ratios" in text
     made.poissons_ratios = [0.3] * 3
     made.update()

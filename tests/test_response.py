@@ -25,7 +25,7 @@ RAMP = {"time": "ramp", "rise": "10 ms"}
 EVERY_LOAD: list[dict[str, Any]] = [
     {"pressure": "0.2 Pa", "on": "+z", **RAMP},
     {"traction": [0.1, 0.0, 0.3], "on": "-y", "time": "pulse", "length": "20 ms"},
-    {"force": ["1 uN", 0, "-2 uN"], "at": ["1.5 mm", 0, 0], "time": "harmonic", "frequency": 20},
+    {"force": ["1 uN", 0, "-2 uN"], "at": ["1.5 mm", "0.2 mm", "0.1 mm"], "time": "harmonic", "frequency": 20},
     {"gravity": [1.0, 0.0, 0.0], "time": "periodic", "times": [0, 0.01, 0.02], "values": [0, 1, 0]},
     {
         "base_acceleration": [0, "0.1 g", "0.2 g"],
@@ -430,20 +430,20 @@ def test_very_thin_cage_reports_its_correct_digits(length: float, few: bool) -> 
     for _ in range(2):  # solved, and read from the cache
         modal = ModalSolver(modes=10)
         modal.SetInputConnection(producer.GetOutputPort())
-        response = ModalResponse(gravity=(0.0, 0.0, -9.81), initial="equilibrium")
+        response = ModalResponse(gravity=(0.0, 0.0, -9.81e-4), initial="equilibrium")
         response.SetInputConnection(modal.GetOutputPort())
         response.update(0.0)
         digits = [text for text in response.warnings if "of the shape at rest" in text]
         assert len(digits) == few
         points = response.GetOutputDataObject(0).GetPointData()
         sag = -vtk_to_numpy(points.GetArray("displacement"))[:, 2].min()
-        beam = 12 * 300.0 * 9.81 * length**4 / (8 * 1e6 * 5e-4**2)
+        beam = 12 * 300.0 * 9.81e-4 * length**4 / (8 * 1e6 * 5e-4**2)
         assert 0.85 * beam < sag < beam
         del modal, response
     # its own plane is another matter
     modal = ModalSolver(modes=10)
     modal.SetInputConnection(producer.GetOutputPort())
-    response = ModalResponse(gravity=(0.0, -9.81, 0.0))
+    response = ModalResponse(gravity=(0.0, -9.81e-4, 0.0))
     response.SetInputConnection(modal.GetOutputPort())
     response.update(0.0)
     assert not any("digits of the shape at rest" in text for text in response.warnings)

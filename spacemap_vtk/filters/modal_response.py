@@ -76,6 +76,8 @@ class ModalResponse(LoadParameters, Stage):
         True, "Add a residual vector for each load, which makes the static response exact."
     )
 
+    #: Whether it is drawn beside truer motions to show how far it is off; it is then not refused.
+    compared: bool = False
     _modes: ModesReader | None = None
     _last_motion: tuple[tuple[int, int], Response] | None = None
     _contacts: Sequence[RestingContact] = ()
@@ -161,7 +163,7 @@ class ModalResponse(LoadParameters, Stage):
         model = modes.model
         if not self.rotation_removed:
             angle = largest_rotation(gradients)
-            if angle > REFUSED_ROTATION:
+            if angle > REFUSED_ROTATION and not self.compared:
                 raise SolverError(
                     f"the cage would turn by {math.degrees(angle):.3g}° at {time:.3g} s, and a "
                     f"linear motion shows nothing real beyond {math.degrees(REFUSED_ROTATION):g}°",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.filters.load_parameters import LoadParameters
+from spacemap_vtk.filters.modal_response import ModalResponse
 from spacemap_vtk.filters.transient_response import TransientResponse
 from spacemap_vtk.scenes.scene import Scene
 
@@ -37,3 +38,5 @@ def set_motion(scene: Scene, name: str, given: LoadParameters) -> None:
         )
     kept = {stage.section for stage in scene.stages if stage.role not in ("mover", "rotation")}
     scene.apply_settings({sections[0]: values}, kept | set(sections))
+    if isinstance(mover := scene.stage("mover"), ModalResponse):
+        mover.compared = True
