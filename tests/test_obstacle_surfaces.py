@@ -167,6 +167,18 @@ def test_the_ground_is_dark_under_the_cloth_and_does_not_move_the_camera() -> No
     )
 
 
+def test_a_body_does_not_show_through_cloth_that_dips_into_it() -> None:
+    scene = table()
+    scene.update(0.0)
+    cloth = pv.wrap(scene.polygons).copy()
+    on_top = np.hypot(*cloth.points[:, :2].T) < 0.035
+    cloth.points[:, 2] -= cloth.points[on_top, 2].min() + 0.0203  # 0.3 mm below the table's top
+    shown = show_obstacles(scene.deformed_cage, cloth, shadows=False)
+    assert shown is not None
+    top = points_of(shown.bodies)[:, 2].max()
+    assert -0.0205 < top < cloth.points[on_top, 2].min()
+
+
 def test_mesh_whose_triangles_face_inwards_becomes_a_surface_that_faces_outwards(
     tmp_path: Path,
 ) -> None:

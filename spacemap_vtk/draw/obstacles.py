@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPolyData, vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import add_array, points_of, to_array, to_image
+from spacemap_vtk.datasets.modal_model import bodies_of
 from spacemap_vtk.draw.actors.obstacle_shading import (
     DIRECTIONS,
     FEW_DIRECTIONS,
@@ -19,10 +21,11 @@ from spacemap_vtk.draw.actors.obstacle_shading import (
     sample_surface,
     smooth_over_edges,
 )
+from spacemap_vtk.filters.obstacle import make_body
 from spacemap_vtk.filters.obstacle_surfaces import ENDLESS, join_surfaces, obstacle_surfaces
 from spacemap_vtk.filters.patch_tessellator import LOOK
 from spacemap_vtk.mechanics.contact.surfaces import Surface
-from spacemap_vtk.ndarrays import Floats
+from spacemap_vtk.ndarrays import AnyFloats, Floats
 
 #: Cells along a side of a plane, whose points are shaded.
 _PLANE_CELLS = 128
@@ -33,6 +36,12 @@ _SOLID = 0.35
 #: Parts of obstacles farther from the middle of the cage than this, over its radius, do not count
 #: for the camera: it shows the cloth, and of large obstacles only the part near it.
 _NEAR = 1.25
+#: Largest number of points of a cloth whose distances to bodies are measured.
+_MOST_POINTS = 200_000
+#: By how much more than their depth bodies are made smaller.
+_MARGIN = 1.2
+#: Largest such depth over the size of a body: of deeper ones, contact has failed, which must show.
+_DEEPEST = 0.01
 
 
 @dataclass(frozen=True)
@@ -55,6 +64,10 @@ def show_obstacles(
     found = obstacle_surfaces(cage, _PLANE_CELLS)
     if not found:
         return None
+    found = [
+        (shape, each if shape == ENDLESS else _below(each, body, points_of(surface)))
+        for body, (shape, each) in zip(bodies_of(cage), found, strict=True)
+    ]
     light = [np.ones(len(each.points)) for _, each in found]
     if shadows:
         objects = {-1: sample_surface(surface, count)}
@@ -90,6 +103,17 @@ def fading_image(color: Sequence[int]) -> vtkImageData:
     image[..., :3] = color
     image[..., 3] = np.rint(255.0 * share * share * (3.0 - 2.0 * share))
     return to_image(image)
+
+
+def _below(surface: Surface, body: Mapping[str, Any], points: AnyFloats) -> Surface:
+    """Return the surface of a body that points on it do not cut, (n, 3)."""
+    # Cloth meets bodies at samples of its cells; between them it would be cut by a hair's breadth.
+    some = points[:: 1 + len(points) // _MOST_POINTS].astype(np.float64)
+    if not len(some):
+        return surface
+    depth = -_MARGIN * float(make_body(**body).gap(some).min())
+    depth = min(max(depth, 0.0), _DEEPEST * float(np.ptp(surface.points, axis=0).max()))
+    return surface._replace(points=surface.points - depth * surface.normals)
 
 
 def _join(parts: list[tuple[tuple[str, Surface], Floats]]) -> vtkPolyData:

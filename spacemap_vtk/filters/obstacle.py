@@ -266,7 +266,7 @@ class Obstacle(Record):
 
     @property
     def body(self) -> dict[str, Any]:
-        """Shape and last place as keyword arguments of `_make_body`, numbers and texts only."""
+        """Shape and last place as keyword arguments of `make_body`: numbers and texts."""
         moved = self.path[-1] if self.path else (0.0, 0.0, 0.0)
         center = [x + dx for x, dx in zip(self.center, moved, strict=True)]
         values: dict[str, Any] = {"shape": self.shape, "center": center}
@@ -302,7 +302,7 @@ class Obstacles(Records):
         return f"a list of tables, each with a shape ({', '.join(SHAPES)}), and any of {others}"
 
 
-def _make_body(
+def make_body(
     shape: str,
     center: Any,
     axis: Any,
@@ -313,7 +313,34 @@ def _make_body(
     file: str = "",
     state: Any = (),
 ) -> bodies.Obstacle:
-    """Make the kernel's body of an obstacle from `Obstacle.body`."""
+    """Make the kernel's body of an obstacle from `Obstacle.body`.
+
+    Parameters
+    ----------
+    shape : str
+        As in scene files.
+    center : (3,) float
+        Centre; of a disc, that of its upper face [m].
+    axis : (3,) float
+        Direction of the axis, or the normal of a plane.
+    radius : float
+        Of a sphere, cylinder or disc [m].
+    size : (3,) float
+        Sides of a box [m].
+    height : float
+        Of a cylinder or disc [m].
+    rounding : float
+        Radius of the rims [m].
+    file : str
+        Name of the file of a mesh.
+    state : sequence of int
+        What tells one state of this file from another.
+
+    Returns
+    -------
+    spacemap_vtk.mechanics.contact.obstacles.Obstacle
+        The body at its place.
+    """
     if shape == "plane":
         return bodies.Plane(center, axis)
     if shape == "sphere":
@@ -382,5 +409,5 @@ def _make_obstacle_term(
         displacement = np.asarray(motion["displacement"], dtype=np.float64)
         found = bodies.BodyMotion(displacement, make_time_function(motion))
     return ObstacleTerm(
-        _make_body(**body), samples, stiffness, offset, friction, surface=surface, motion=found
+        make_body(**body), samples, stiffness, offset, friction, surface=surface, motion=found
     )
