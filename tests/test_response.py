@@ -25,7 +25,12 @@ RAMP = {"time": "ramp", "rise": "10 ms"}
 EVERY_LOAD: list[dict[str, Any]] = [
     {"pressure": "0.2 Pa", "on": "+z", **RAMP},
     {"traction": [0.1, 0.0, 0.3], "on": "-y", "time": "pulse", "length": "20 ms"},
-    {"force": ["1 uN", 0, "-2 uN"], "at": ["1.5 mm", "0.2 mm", "0.1 mm"], "time": "harmonic", "frequency": 20},
+    {
+        "force": ["1 uN", 0, "-2 uN"],
+        "at": ["1.5 mm", "0.2 mm", "0.1 mm"],
+        "time": "harmonic",
+        "frequency": 20,
+    },
     {"gravity": [1.0, 0.0, 0.0], "time": "periodic", "times": [0, 0.01, 0.02], "values": [0, 1, 0]},
     {
         "base_acceleration": [0, "0.1 g", "0.2 g"],
