@@ -479,6 +479,10 @@ class Document(QObject):
             long = self._toml[section][key]
             if isinstance(long, Array):
                 long.multiline(True)
+        tables = self._toml.get(section, {}).get(key)
+        for table in tables if isinstance(tables, AoT) else ():
+            if not table.as_string().endswith("\n\n"):  # no blank line follows
+                table.add(tomlkit.nl())
 
     def _write_record(self, table: Any, wanted: Mapping[str, Any], parameters: Any) -> None:
         """Change a table to the values of a record; a default that it states stays."""

@@ -23,6 +23,9 @@ _WIDTH_FOR_ENDS = 560
 _WIDTH_FOR_STEPS = 500
 #: Smallest width of the bar, in pixels.
 _MIN_WIDTH = 380
+#: Longest time in s by which playing goes on after a frame: a motion in time steps that are still to
+#: be computed is shown slowly instead of in leaps.
+_LONGEST_STEP = 0.1
 _NO_MOTION = "This scene does not move. Switch on a stage of motion, such as Modal response."
 SPEEDS = ("0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1", "2", "5")
 
@@ -165,7 +168,8 @@ class TimeBar(QWidget):
             return
         now = time.perf_counter()
         speed = float(self.speed.currentText().split()[0])
-        at, self._clock = self.time + (now - self._clock) * speed, now
+        elapsed, self._clock = min(now - self._clock, _LONGEST_STEP), now
+        at = self.time + elapsed * speed
         if at > self._stop:
             if not self.loop.isChecked():
                 self._show(self._stop)

@@ -308,9 +308,11 @@ class Pipeline:
         sheet = self._sheet
         if sheet is None or not sheet.is_current(scene):
             has_sheet = choose_level(scene, window=True).has_sheet
-            self._sheet = sheet = ClothSheet(scene) if has_sheet else None
+            sheet = ClothSheet(scene) if has_sheet else None
             if sheet is not None:  # here, because the window would stand still meanwhile
+                self._report_progress(scene.surface.section, 0.0, "colours of the cloth")
                 appearance_of(sheet.cloth).tables(tilted=True)
+            self._sheet = sheet
             self._near_yarns = self._near_drawn = None  # these belong to the former scene
         return sheet
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from spacemap_vtk import cancel
 from spacemap_vtk.ndarrays import AnyFloats, AnyInts, Floats, Ints, Singles
 from spacemap_vtk.textile.geometry.cloth_axes import YarnSelection
 from spacemap_vtk.textile.geometry.exposure import ClothExposure
@@ -90,6 +91,7 @@ def sample_surface(cloth: Cloth, part: YarnSelection, pixels: float) -> SurfaceF
     SurfaceFacets
         Without the caps of cut ends.
     """
+    cancel.check()
     crop = crop_cloth(cloth, part)
     weave = build_weave(crop)
     patches = weave.patches[: weave.tube_patches, quadrilateral_order(3, 3)]
@@ -146,6 +148,7 @@ def view_surface(surface: SurfaceFacets, toward_eye: Floats, pixels: float) -> V
     VisibleSurface
         All of the part.
     """
+    cancel.check()
     size = np.array(surface.spacing)
     pixel = np.full(2, size.min() / pixels)
     up = np.array([0.0, 1.0, 0.0]) - toward_eye[1] * toward_eye
