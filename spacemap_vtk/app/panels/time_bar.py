@@ -23,7 +23,7 @@ _WIDTH_FOR_ENDS = 560
 _WIDTH_FOR_STEPS = 500
 #: Smallest width of the bar, in pixels.
 _MIN_WIDTH = 380
-#: Longest time in s by which playing goes on after a frame: a motion in time steps that are still to
+#: Longest time in s by which playing goes on after a frame: a motion whose time steps are still to
 #: be computed is shown slowly instead of in leaps.
 _LONGEST_STEP = 0.1
 _NO_MOTION = "This scene does not move. Switch on a stage of motion, such as Modal response."
