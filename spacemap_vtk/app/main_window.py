@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QEvent, QPoint, QSettings, QSize, Qt
+from PySide6.QtCore import QEvent, QPoint, QSettings, QSize, Qt, QTimer
 from PySide6.QtGui import (
     QAction,
     QCloseEvent,
@@ -128,14 +128,20 @@ class _Tabs(QTabWidget):
         titles = (self.tabText(n) for n in range(self.count()) if self.isTabVisible(n))
         return [metrics.horizontalAdvance(title) + gap for title in titles]
 
+    def minimumSizeHint(self) -> QSize:
+        """Return a size with room for all titles in the smallest font."""
+        font = self.font()
+        font.setPointSizeF(_SMALLEST_TITLE * font.pointSizeF())
+        return super().minimumSizeHint().expandedTo(QSize(sum(self.widths(font)), 0))
+
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._fit_titles()
         super().resizeEvent(event)
 
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
-        if event.type() == QEvent.Type.StyleChange:  # another theme resets the font of the tab bar
-            self._fit_titles()
+        if event.type() == QEvent.Type.StyleChange:
+            QTimer.singleShot(0, self._fit_titles)  # another theme resets the font of the tab bar
 
     def tabInserted(self, index: int) -> None:
         super().tabInserted(index)

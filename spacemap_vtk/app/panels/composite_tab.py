@@ -119,7 +119,7 @@ class CompositeTab(QWidget):
         self.fibre = self._choice("fibre", {key: one.title for key, one in FIBRES.items()})
         self.matrix = self._choice("matrix", {key: one.title for key, one in MATRICES.items()})
         self.packing = QDoubleSpinBox(minimum=0.05, maximum=0.9, singleStep=0.05, decimals=2)
-        self.packing.setPrefix("packing ")
+        self.packing.setPrefix("Packing ")
         self.packing.setToolTip(UnitCell.parameter("packing").help)
         self.packing.editingFinished.connect(self._set_packing)
         self.run_button = QPushButton("Compute")
@@ -146,9 +146,9 @@ class CompositeTab(QWidget):
         for box in (self.content, self.load):
             box.currentIndexChanged.connect(self._draw)
         self.in_view = QCheckBox("In the view", toolTip="Show the unit cell in place of the scene")
-        self.has_slice = QCheckBox("slice", checked=True)
+        self.has_slice = QCheckBox("Slice", checked=True)
         self.has_slice.setToolTip("Draw the slice, and no voxels in front of it")
-        self.has_directions = QCheckBox("directions")
+        self.has_directions = QCheckBox("Directions")
         self.has_directions.setToolTip("Draw the directions of the fibres")
         self.voxels = NarrowComboBox(8, toolTip="Which voxels the view draws")
         for key, label in _VOXELS.items():

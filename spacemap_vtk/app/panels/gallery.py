@@ -36,8 +36,8 @@ from spacemap_vtk.draw import thumbnails
 from spacemap_vtk.draw.thumbnails import Entry
 from spacemap_vtk.scenes import library
 
-#: Smallest width of a thumbnail, in pixels.
-_MIN_WIDTH = 100
+#: Smallest width of a thumbnail in pixels, unless there would be one column.
+_MIN_WIDTH = 124
 #: Height of a thumbnail over its width.
 _ASPECT = 2 / 3
 #: Space between two thumbnails, in pixels.
@@ -210,12 +210,12 @@ class _ThumbnailList(QListWidget):
         """Adapt the size of the thumbnails to the width."""
         super().resizeEvent(event)
         space = self.viewport().width() - 2
-        cell = space // max(1, space // (_MIN_WIDTH + _GAP))
+        cell = space // max(2, space // (_MIN_WIDTH + _GAP))
         width = cell - _GAP
         picture, line = round(width * _ASPECT), self.fontMetrics().lineSpacing()
         self.setIconSize(QSize(width, picture))
         # Equal sizes, whatever the titles; a heading fills its row.
-        self._sizes = QSize(cell, picture + _LINES * line + 12), QSize(space, 2 * line)
+        self._sizes = QSize(cell, picture + _LINES * line + 6), QSize(space, 2 * line)
         for number in range(self.count()):
             item = self.item(number)
             item.setSizeHint(self._sizes[item.data(_NAME) is None])

@@ -49,7 +49,7 @@ _CAMERA_KEYS = {
 #: Largest width of the colour choice in pixels.
 _MAX_COLORING_WIDTH = 220
 #: Letters of the colour choice that fit into the narrowest bar: those of "Own colours".
-_COLORING_LETTERS = 9
+_COLORING_LETTERS = 7
 #: Mark of a menu, shown if there is room.
 _MENU_MARK = " ▾"
 #: Whether the label of the colour choice, the marks of menus and a button for each part are shown;

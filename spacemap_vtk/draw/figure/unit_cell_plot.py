@@ -64,16 +64,13 @@ def draw_slice(
         shown = panel.imshow(cut(values), cmap=ramp, vmin=low, vmax=high, **options)
         label = CONTENTS[content]
         if needs_load(content):
-            label += f"{unit and f' in {unit}'} for a strain {load} of 1"
+            label += f"{unit and f' [{unit}]'} for a strain {load} of 1"
         bar = panel.figure.colorbar(shown, ax=panel, shrink=0.8)
         bar.set_label(label, fontsize=8, color=ink.text)
         bar.ax.tick_params(labelsize=8, colors=ink.text)
-    panel.set(
-        xlabel=f"{'xyz'[first]} in mm",
-        ylabel=f"{'xyz'[second]} in mm",
-        facecolor=ink.paper,
-        aspect="equal",
-    )
+    panel.set(facecolor=ink.paper, aspect="equal")
+    panel.set_xlabel(f"{'xyz'[first]} [mm]", fontsize=8, color=ink.text)
+    panel.set_ylabel(f"{'xyz'[second]} [mm]", fontsize=8, color=ink.text)
     panel.tick_params(colors=ink.text, labelsize=8)
 
 
