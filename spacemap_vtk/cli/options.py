@@ -303,9 +303,14 @@ def read_scene(
         return scene
     from spacemap_vtk.scenes import presets
 
-    made = presets.apply(
-        scene, motion.preset, yarn=motion.yarn, size=motion.size, crossings=crossings
-    )
+    try:
+        made = presets.apply(
+            scene, motion.preset, yarn=motion.yarn, size=motion.size, crossings=crossings
+        )
+    except InputError as error:
+        if error.section is None and error.key in ("yarn", "size"):
+            error.key = {"yarn": "--yarn", "size": "--cloth-size"}[error.key]
+        raise
     for assignment in assignments:  # explicit values replace those of the preset
         made.set(assignment)
     return made

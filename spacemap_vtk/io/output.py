@@ -26,7 +26,7 @@ from pickle import PickleBuffer
 from typing import Any
 
 from spacemap_vtk.errors import InputError, SpacemapError
-from spacemap_vtk.io.registry import writers
+from spacemap_vtk.io.registry import writer_endings, writers
 from spacemap_vtk.temporary_files import delay_signals, temporary_folder
 
 #: Number of bytes at a file's end that are read back to check it.
@@ -34,6 +34,13 @@ _END_BYTES = 64
 #: Characters that XML cannot hold and VTK cannot open: control characters, and bytes that are not
 #: UTF-8.
 _UNREADABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
+#: Commands with the keys of `registry.DATA` and `registry.DRAWN` that they write.
+_COMMANDS = (
+    ("render", ("picture",)),
+    ("animate", ("film",)),
+    ("export", (None,)),
+    ("figure", ("plot",)),
+)
 _ROOM_CURE = "Free some space, or choose a folder on another disk."
 _FOLDER_CURE = "Choose another folder, or change its permissions."
 #: Reason and cure for each system error with which a disk refuses a file.
@@ -47,6 +54,14 @@ _DISK_ERRORS = {
 }
 
 
+def _other_command(ending: str) -> str | None:
+    """Return a sentence with the command that writes files with an ending; None without one."""
+    for command, kinds in _COMMANDS:
+        if any(ending in writer_endings(kind) for kind in kinds):
+            return f'"spacemap {command}" writes {ending}.'
+    return None
+
+
 def check_output(path: Path, formats: dict[str, str], numbered: bool = False) -> None:
     """Refuse an output path that cannot be written, before any work is done for it."""
     if path.suffix.lower() not in formats:
@@ -55,6 +70,7 @@ def check_output(path: Path, formats: dict[str, str], numbered: bool = False) ->
             if path.suffix
             else f"{path}: the name needs an ending",
             allowed=", ".join(f"{ending} ({what})" for ending, what in formats.items()),
+            cure=_other_command(path.suffix.lower()),
         )
     if not numbered and (number := re.search(r"%\d*d(?![a-z])", path.name)):
         example = path.with_name(path.name.replace(number[0], "0001"))

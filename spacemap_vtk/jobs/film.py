@@ -86,7 +86,7 @@ class FilmJob(Job):
         if not (scene.is_animated or scene.animation.orbit):
             motion = "add loads to [response]"
             if not scene.moves:
-                motion = "add a section [response], for example with --set response.alpha=1"
+                motion = "let it move with --hang, --drop, --swing or a section [response]"
             raise InputError(
                 "nothing in this scene moves, so all frames would be the same",
                 cure=f'Let the camera go round it with "--orbit 360deg", {motion}, or draw a '

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spacemap_vtk.errors import InfoMessage, InputError
+from spacemap_vtk.errors import InfoMessage, InputError, add_key_to_errors
 from spacemap_vtk.filters.textile_sheet import textile_of
 from spacemap_vtk.filters.textile_source import TextileSource
 from spacemap_vtk.filters.weave_parameters import parameter_name
@@ -229,6 +229,9 @@ def make_plan(
             key=f"--{preset}",
             cure="Open a draft, or a scene with a section [weave] or [textile].",
         )
+    if yarn is not None:
+        with add_key_to_errors("yarn"):
+            parse_yarn(yarn)
     values = scene_values(scene)
     for section in (*_MOTION, "animation"):
         values.pop(section, None)

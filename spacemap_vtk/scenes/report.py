@@ -98,7 +98,10 @@ def report_modes(scene: Scene, errors: bool | None = False) -> dict[str, Any]:
         missing, cure = "a motion from a file", "Replace [motion] by [modal]."
         if not scene.moves:
             missing = "no cage"
-            cure = 'Add a section [modal], or "--set cage.divisions=[5,5,1]".'
+            cure = (
+                "Let it move, for example with --hang, or add a section [modal], as by "
+                "--set cage.divisions=[5,5,1]."
+            )
         raise InputError(f"{scene.file}: the scene has {missing} and therefore no modes", cure=cure)
     scene.check()  # check the damping before the modes are solved
     scene.update_stage(solver)

@@ -313,11 +313,9 @@ def parse_yarn(text: str) -> Yarn:
     count_text, _, word = " ".join(text.lower().split()).rpartition(" ")
     material = MATERIALS.get(word)
     if material is None or not count_text:
-        raise InputError(
-            f'"{text}" is not the name of a yarn',
-            allowed=GRAMMAR,
-            cure=suggestion(word, MATERIALS) if word else None,
-        )
+        known = [f"{count_text} {each}" for each in MATERIALS]
+        cure = suggestion(f"{count_text} {word}", known) if count_text else suggestion(word, YARNS)
+        raise InputError(f'"{text}" is not the name of a yarn', allowed=GRAMMAR, cure=cure)
     plies, count_in_system = 1, count_text
     if plied := _PLIED.search(count_text):
         plies = int(min(float(plied[1]), float(plied[2])))
