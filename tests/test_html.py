@@ -21,6 +21,7 @@ from spacemap_vtk.datasets.moving_surface import to_linear_light
 from spacemap_vtk.draw.actors.color_values import color_values
 from spacemap_vtk.draw.morph_surface import make_mode_surface, make_moving_surface
 from spacemap_vtk.errors import SizeError
+from spacemap_vtk.io.formats.html import _page_content
 from spacemap_vtk.io.registry import writer
 from spacemap_vtk.jobs import make_data_job
 from spacemap_vtk.scenes.scene import Scene
@@ -210,6 +211,18 @@ def nearest_points(points: np.ndarray, surface: vtkPolyData) -> np.ndarray:
 
     found: np.ndarray = cKDTree(points_of(surface)).query(points)[1]
     return found
+
+
+def test_a_page_s_figures_and_camera_leave_out_a_plane_below_the_cloth() -> None:
+    plane = "modal.obstacles=[{shape = 'plane', center = [0, 0, '-9 mm']}, {shape = 'sphere', "
+    plane += "radius = '1 mm', center = [0, 0, '-6 mm']}]"
+    pages = [
+        _page_content(make_moving_surface(scene, [0.0], TOLERANCE, lambda *_: None, shaded=True))[0]
+        for scene in (change_scene("plain_weave", *SMALL, *more) for more in ([], [plane]))
+    ]
+    assert pages[0]["figures"] == pages[1]["figures"]
+    assert not any("shape" in figure for figure in pages[0]["figures"])
+    assert (pages[0]["plane_points"], pages[1]["plane_points"]) == (0, 3 * 3)
 
 
 def test_a_page_too_large_for_browsers_is_refused(tmp_path: Path) -> None:

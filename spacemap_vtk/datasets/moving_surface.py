@@ -182,6 +182,9 @@ class MovingSurface:
     shading: Shading | None = None
     #: The targets in quantised form, if there are so many points that their size matters.
     quantised: QuantisedTargets | None = None
+    #: Number of points, the last ones, that belong to obstacles, and to planes among them.
+    obstacle_points: int = 0
+    plane_points: int = 0
     #: Metadata of the file, for people and programs.
     metadata: Mapping[str, Any] = field(default_factory=dict)
 

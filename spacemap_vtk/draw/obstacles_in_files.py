@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spacemap_vtk.filters.obstacle_surfaces import obstacle_surfaces
+from spacemap_vtk.filters.obstacle_surfaces import ENDLESS, obstacle_surfaces
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,13 +25,15 @@ def add_obstacles(moving: MovingSurface, scene: Scene, warn: MessageCallback) ->
     if moving.numbers is not None:
         warn("obstacles are left out, because the colours of all points show numbers")
         return moving
+    names = [f"obstacle {k} ({shape})" for k, (shape, _) in enumerate(found, 1)]
+    order = sorted(range(len(found)), key=lambda k: found[k][0] == ENDLESS)  # planes come last
+    names, found = [names[k] for k in order], [found[k] for k in order]
     count, parts = len(moving.points), [surface for _, surface in found]
     sizes = [len(part.points) for part in parts]
     starts = count + np.cumsum([0, *sizes[:-1]])
-    names = [f"obstacle {k} ({shape})" for k, (shape, _) in enumerate(found, 1)]
     numbers = np.repeat(np.arange(len(parts)) + len(moving.part_names), sizes)
     style = scene.view.resolved_style
-    hues = [style.ground_color if shape == "plane" else style.obstacle_color for shape, _ in found]
+    hues = [style.ground_color if shape == ENDLESS else style.obstacle_color for shape, _ in found]
     colors = np.repeat(np.array(hues, np.uint8), sizes, axis=0)
     corners = [part.triangles + start for part, start in zip(parts, starts, strict=True)]
     normals, quantised = moving.normals, moving.quantised
@@ -61,6 +63,8 @@ def add_obstacles(moving: MovingSurface, scene: Scene, warn: MessageCallback) ->
         part_names=[*moving.part_names, *names],
         quantised=quantised,
         shading=shading,
+        obstacle_points=sum(sizes),
+        plane_points=sum(len(part.points) for shape, part in found if shape == ENDLESS),
     )
 
 

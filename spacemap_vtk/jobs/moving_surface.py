@@ -163,7 +163,8 @@ def _write_surface(job: Job, context: Context, surface: Any) -> str:
         size = file.stat().st_size
     count = len(surface.targets)
     parts = [format_count(count, "target")] if count else []
-    if "largest_error" in surface.metadata:
+    if count and "largest_error" in surface.metadata:
         error = format_quantity(surface.metadata["largest_error"], "m", 3)
-        parts.append(f"{surface.metadata['frames']} frames, largest error {error}")
+        frames = format_count(surface.metadata["frames"], "frame")
+        parts.append(f"{frames}, largest error {error}")
     return ", ".join([*parts, format_size(size)])

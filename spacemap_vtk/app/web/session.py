@@ -596,7 +596,7 @@ class Session:
         self.state.colorings = [
             {"name": name, "label": COLORINGS[name].label} for name in scene.colorings
         ]
-        self.state.moves = scene.moves
+        self.state.moves = scene.is_animated
         self.state.undo, self.state.redo = self.history.undo_name, self.history.redo_name
         self._send_time()
 

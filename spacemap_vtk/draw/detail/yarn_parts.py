@@ -43,7 +43,7 @@ _MOVING_PATCHES = 120_000
 _MARGIN = 0.08
 #: Messages if the window shows only the sheet.
 TOO_FAR = (
-    "the cloth is drawn as a sheet in the colours of its yarns, {:.2g} pixels wide; zoom in to see "
+    "the cloth is drawn as a sheet in the colours of its yarns, {:.1f} pixels wide; zoom in to see "
     "the yarns"
 )
 TOO_MANY = (

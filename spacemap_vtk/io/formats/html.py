@@ -101,6 +101,7 @@ def _page_content(moving: MovingSurface) -> tuple[dict[str, Any], dict[str, NDAr
         "middle": middle.tolist(),
         "unit": unit,
         "sight": moving.view._asdict(),
+        "plane_points": moving.plane_points,
         "clips": [
             {
                 "name": clip.name,
@@ -189,7 +190,8 @@ def _page_figures(moving: MovingSurface, rounding: float) -> list[str]:
     """Return figures of the surface that the page shows."""
     from spacemap_vtk.units import UNITS, format_quantity
 
-    lengths = moving.points.max(axis=0) - moving.points.min(axis=0)
+    points = moving.points[: len(moving.points) - moving.obstacle_points]
+    lengths = points.max(axis=0) - points.min(axis=0)
     unit = format_quantity(float(lengths.max()), "m").split()[-1]
     size = UNITS["m"][unit]
     found = [" × ".join(f"{length / size:.3g}" for length in lengths) + f" {unit}"]
@@ -197,7 +199,7 @@ def _page_figures(moving: MovingSurface, rounding: float) -> list[str]:
         found.insert(0, f"{len(moving.curves.counts)} yarns")
     elif "yarns" in moving.metadata:
         found.insert(0, f"{moving.metadata['yarns']} yarns")
-    if "largest_error" in moving.metadata:
+    if "largest_error" in moving.metadata and len(moving.targets):
         count, error = len(moving.targets), moving.metadata["largest_error"] + rounding
         near = format_quantity(error, "m", 2)
         found.append(f"{count} shape{'s' * (count != 1)}, within {near} of the motion")

@@ -127,7 +127,8 @@ class Viewer {
 
   /** Find positions of some points over all times, and a ball that contains all points. */
   reached() {
-    const some = [], count = this.arrays.points.length / 3, apart = Math.max(1, Math.floor(count / 4000));
+    const some = [], count = this.arrays.points.length / 3 - this.content.plane_points; // planes have no end
+    const apart = Math.max(1, Math.floor(count / 4000));
     const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
     for (const { times, weights } of this.clips.slice(0, 12)) {
       const turns = times.length > 1 ? 9 : 1;
@@ -350,7 +351,12 @@ class Viewer {
       this.drawing = new Drawing(canvas, this.content, this.arrays);
       this.requestFrame();
     });
-    addEventListener("resize", () => { camera.free = this.free; this.requestFrame(); });
+    addEventListener("resize", () => {
+      const room = ({ height, aspect }) => height * Math.min(1, aspect), before = room(camera.free);
+      camera.free = this.free;
+      camera.distance *= before / room(camera.free); // what was in view stays so, as on a phone that is turned
+      this.requestFrame();
+    });
     this.element("play").onclick = () => this.play();
     this.element("slider").oninput = (event) => { this.play(false); this.go(Number(event.target.value)); };
     this.element("clip").onchange = (event) => this.chooseClip(Number(event.target.value));
