@@ -328,6 +328,19 @@ LIMITS: dict[str, Limit] = {
         beyond="the object inside them is, too",
         cure="lower the loads or make the cage stiffer",
     ),
+    "crossing": Limit(
+        stage="response",
+        model="a sheet without contact of its layers",
+        assumes="layers that do not meet",
+        quantity="share of the cells through which other cells pass",
+        found="{} of the cells pass through others",
+        most=0.0,
+        unit="%",
+        basis="edges of cells that pierce triangles of other cells",
+        beyond="cloth cannot do that",
+        cure="set contact.self = true (with the extra [contact]), choose a smaller or stiffer "
+        "cloth, or show an earlier time",
+    ),
     "swing": Limit(
         stage="rotation",
         model="a shape rebuilt from a linear motion",

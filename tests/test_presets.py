@@ -16,6 +16,8 @@ from spacemap_vtk.datasets.modal_model import contact_of
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.filters.obstacle_surfaces import obstacle_surfaces
 from spacemap_vtk.io.formats.toml import parse_toml
+from spacemap_vtk.mechanics.contact.crossing import count_crossed_cells
+from spacemap_vtk.mechanics.elements.inversion import count_inverted
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.presets import PRESETS, apply, make_plan, write_scene
 from spacemap_vtk.scenes.scene import Scene
@@ -175,6 +177,19 @@ def test_cloth_too_large_for_the_cells_of_time_steps_is_refused() -> None:
     make_plan(overshot, "drape", yarn="8/2 cotton", size=[0.4])
 
 
+@pytest.mark.parametrize("name", ["twill_2_2.wif", "diamond_twill.wpo"])
+def test_cloth_that_falls_has_the_drag_of_air_and_cells_for_its_folds(name: str) -> None:
+    scene = apply(DRAFTS / name, "drop")
+    solver = scene.stage("mover")
+    scene.update_stage(scene.cage_stage, 0.0)
+    weight = scene.modal.output.GetFieldData().GetArray("areal_mass").GetValue(0) * 9.80665
+    # At the speed v where the drag α v carries the weight, the pressure ½ ρ c_D v² does, too.
+    speed = 9.80665 / solver.damping.alpha
+    assert 0.5 * 1.2 * 1.17 * speed**2 == pytest.approx(weight, rel=0.05)
+    # Nine bending lengths, in cells of half of one.
+    assert min(scene.cage.divisions[:2]) >= 16
+
+
 def test_a_yarn_of_the_scene_is_kept() -> None:
     weave = {"pattern": "plain", "warp_yarn": "20/2 silk", "weft_yarn": "20/2 silk"}
     weave |= {"warp_sett": "24 epi", "weft_sett": "24 epi"}
@@ -269,4 +284,27 @@ def test_real_drafts_move_without_exploding(name: str, preset: str) -> None:
     moved = state(scene, scene.view.time)
     assert np.isfinite(moved).all()
     assert abs(moved).max() < 3 * float(max(scene.woven.extent))
-    assert not [text for text in scene.warnings if "inside out" in text]
+    assert not [text for text in scene.warnings if "inside out" in text or "pass through" in text]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("preset", ["drop", "swing"])
+@pytest.mark.parametrize("name", ["diamond_twill.wpo", "twill_2_2.wif", "stockinette"])
+def test_a_motion_in_steps_gains_no_energy_and_never_folds_through_itself(
+    name: str, preset: str
+) -> None:
+    path = DRAFTS / name
+    scene = apply(path if path.exists() else name, preset)
+    span = scene.animation.stop
+    state(scene, span)
+    motion = scene.stage("mover").motion
+    times = np.linspace(0.0, span, 41)
+    kinetic, strain, lost, work = motion.energies(times).T
+    assert kinetic + strain + lost == pytest.approx(work, abs=1e-5 * abs(work).max())
+    assert (np.diff(lost) >= -1e-9 * lost.max()).all()
+    model = motion.model
+    surface = model.pencil.surface
+    for time in times:
+        moved = motion.at_time(float(time))[0]
+        assert count_inverted(model.points, moved, model.cells, surface) == 0
+        assert count_crossed_cells(model.points + moved, surface) == 0

@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkPointSet, vtkUnstruc
 
 from spacemap_vtk.datasets.cloth_data import cloth_of, cloth_stamp
 from spacemap_vtk.filters.base import Stage
+from spacemap_vtk.mechanics.contact.crossing import count_crossed_cells
 from spacemap_vtk.mechanics.elements.deformation import (
     find_tightest_fold,
     largest_stretch,
@@ -45,6 +46,15 @@ def check_folds(
     cloth = _room_of(grid)
     if cloth is not None:
         stage.check_limit("thick_fold", cloth.half_thickness * curvature)
+
+
+def check_crossing(stage: Stage, moved: Floats, surface: MidSurface | None) -> None:
+    """Check that a sheet does not pass through itself."""
+    if surface is None:
+        return
+    count, total = count_crossed_cells(moved, surface), len(surface.quads)
+    found = f"{count} of {total} cells of the sheet pass through others"
+    stage.check_limit("crossing", count / total, found=found)
 
 
 def check_inversion(

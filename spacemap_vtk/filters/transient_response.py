@@ -29,7 +29,12 @@ from spacemap_vtk.filters.load_parameters import (
     add_stress,
 )
 from spacemap_vtk.filters.rest_states import RestTask, load_or_solve_rest
-from spacemap_vtk.filters.shape_limits import check_folds, check_inversion, check_strains
+from spacemap_vtk.filters.shape_limits import (
+    check_crossing,
+    check_folds,
+    check_inversion,
+    check_strains,
+)
 from spacemap_vtk.mechanics.boundary.reactions import Reaction
 from spacemap_vtk.mechanics.boundary.supports import held_components, held_directions
 from spacemap_vtk.mechanics.contact.resting import layers_of, obstacles_of
@@ -188,6 +193,7 @@ class TransientResponse(LoadParameters, Stage):
         at, surface = model.points + displacement, model.pencil.surface
         check_inversion(self, model.points, at, model.cells, surface)
         check_folds(self, grid, model.points, at, surface)
+        check_crossing(self, at, surface)
         moved = displacement - motion.rest - motion.base_motion(time)[0]
         strain, stress = model.strain_and_stress(moved, large=True)
         check_strains(self, grid, strain, model)
