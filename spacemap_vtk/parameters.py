@@ -330,6 +330,8 @@ class Text(Parameter[str]):
     kind = "text"
     annotation = "str"
     expected = "a string"
+    #: Some of the allowed strings, which a form offers.
+    offered: Sequence[str] = ()
 
     def convert(self, value: Any) -> str:
         """Return the string."""

@@ -161,7 +161,7 @@ def test_automatic_values_in_use_are_shown(
     window.stages.select("modal")
     row = window.properties.rows["tensile_rigidity"]
     wait_until(lambda: row.automatic_value is not None)
-    assert row.editor.line.placeholderText() == "0.65 N/m"
+    assert row.editor.line.placeholderText() == "2.1 N/m"
     wait_until(lambda: settled(window))
 
 
@@ -530,3 +530,21 @@ def test_new_cards_bend_the_cage_a_little(open_scene: Any) -> None:
     before = mass()
     editor(window, "modal", "masses").add_button.menu().actions()[0].trigger()
     assert mass() == pytest.approx(1.1 * before, rel=0.01)
+
+
+def test_yarns_of_the_library_are_offered(open_scene: Any) -> None:
+    window = open_scene()
+    names = editor(window, "weave", "warp_yarn")
+    names.line.setFocus()
+    names.offer.trigger()
+    popup = names.line.completer().popup()
+    wait_until(popup.isVisible, 20.0)
+    found = [popup.model().index(row, 0) for row in range(popup.model().rowCount())]
+    chosen = next(index for index in found if index.data() == "60/2 silk")
+    at = popup.visualRect(chosen).center()
+    QTest.mouseClick(popup.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    assert window.document.scene.source.warp_yarn == "60/2 silk"
+    assert window.document.scene.source.warp_diameter is None  # replaced
+    assert not popup.isVisible()
+    wait_until(lambda: settled(window))
+    assert window.errors.text == ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.ndarrays import Bools
@@ -26,7 +26,7 @@ from spacemap_vtk.textile.weave.families import FAMILIES
 from spacemap_vtk.textile.weave.resolve import WARP_COLOR, WEFT_COLOR
 from spacemap_vtk.textile.weave.threads import SECTIONS
 from spacemap_vtk.textile.weave.yarn import COTTON, PACKING, parse_twist, parse_yarn_count
-from spacemap_vtk.textile.weave.yarn_library import GRAMMAR, parse_yarn
+from spacemap_vtk.textile.weave.yarn_library import GRAMMAR, YARNS, parse_yarn
 
 _P = TypeVar("_P", bound=Parameter[Any])
 #: Words for warp and weft in the parameters' texts; `crossed` is the number of the other family.
@@ -109,6 +109,7 @@ class YarnName(Text):
     """The name of a yarn, as in the library of yarns."""
 
     expected = GRAMMAR
+    offered = tuple(YARNS)
 
     def convert(self, value: Any) -> str:
         """Return the name in canonical spelling."""
@@ -154,6 +155,14 @@ def pattern_repeat(pattern: Any) -> Bools:
 class WeaveParameters(Parameterised):
     """The parameters of a weave."""
 
+    #: Groups of parameters that follow from each other, so that only one of a group may be given.
+    alternatives: ClassVar = (
+        ("warp_diameter", "warp_count", "warp_yarn"),
+        ("weft_diameter", "weft_count", "weft_yarn"),
+        ("warp_spacing", "warp_sett"),
+        ("weft_spacing", "weft_sett"),
+        ("warp_crimp_height", "warp_crimp", "weft_crimp"),
+    )
     pattern = Pattern("plain", "The weave, repeated over the cloth.", when={"draft": (None,)})
     draft = FilePath(
         None,

@@ -34,14 +34,6 @@ from spacemap_vtk.textile.weave.yarn_library import parse_yarns
 
 #: Ends and picks of a pattern if no number is given.
 SIZE = 7
-#: Groups of parameters that follow from each other, so that only one of a group may be given.
-_ALTERNATIVES = (
-    ("warp_diameter", "warp_count", "warp_yarn"),
-    ("weft_diameter", "weft_count", "weft_yarn"),
-    ("warp_spacing", "warp_sett"),
-    ("weft_spacing", "weft_sett"),
-    ("warp_crimp_height", "warp_crimp", "weft_crimp"),
-)
 #: Yarns on each side of a repeat that shape it; longer floats are cut.
 _NEIGHBOURS = 4
 #: Bytes per crossing while a drawdown is repeated.
@@ -200,7 +192,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
         return ClothRequest(**own, warp=warp, weft=weft, crimp_height=self.warp_crimp_height)
 
     def _refuse_alternatives(self) -> None:
-        for rivals in _ALTERNATIVES:
+        for rivals in self.alternatives:
             given = [key for key in rivals if getattr(self, key) is not None]
             if given[1:]:
                 raise InputError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,12 @@ from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QColorDialog,
+    QCompleter,
     QFileDialog,
     QGridLayout,
+    QLineEdit,
     QPushButton,
+    QStyle,
     QWidget,
 )
 
@@ -22,7 +25,7 @@ from spacemap_vtk.app.fields.editor import Editor, LineEditor, ignore_wheel
 from spacemap_vtk.app.widgets import NarrowComboBox, column, painter_on, row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.mechanics.boundary.places import SIDES, parse_places
-from spacemap_vtk.parameters import Choice, Integer, Parameter
+from spacemap_vtk.parameters import Choice, Integer, Parameter, Series, Text
 from spacemap_vtk.scenes.assignments import parse_value
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.styles import LIGHTS, STYLES
@@ -45,6 +48,31 @@ class TextEditor(LineEditor):
     def __init__(self, parameter: Parameter[Any]) -> None:
         super().__init__(parameter)
         row(self, self.line)
+        single = parameter.component if isinstance(parameter, Series) else parameter
+        if isinstance(single, Text) and single.offered:
+            self._offer(single.offered)
+
+    def _offer(self, texts: Sequence[str]) -> None:
+        """Offer texts while one is typed, and all of them at a click on an arrow."""
+        completer = QCompleter(texts, self.line)
+        completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        completer.setFilterMode(Qt.MatchFlag.MatchContains)
+        completer.setMaxVisibleItems(len(texts))
+        completer.activated.connect(self._choose)
+        self.line.setCompleter(completer)
+        arrow = self.style().standardIcon(QStyle.StandardPixmap.SP_ArrowDown)
+        self.offer = self.line.addAction(arrow, QLineEdit.ActionPosition.TrailingPosition)
+        self.offer.setToolTip("Choose one of the library")
+        self.offer.triggered.connect(self._show_offered)
+
+    def _show_offered(self) -> None:
+        completer = self.line.completer()
+        completer.setCompletionPrefix("")
+        completer.complete()
+
+    def _choose(self, text: str) -> None:
+        self.line.setText(text)
+        self._submit()
 
     def show_value(self, value: Any) -> None:
         """Show the value with its unit."""

@@ -423,8 +423,17 @@ class Properties(QScrollArea):
                 row.mark_error(None)
 
     def _set_value(self, name: str, written: object, burst: int) -> None:
+        # A value replaces the others from which it would follow, as a yarn its diameter.
+        replaced = [
+            other
+            for group in getattr(self._part, "alternatives", ())
+            for other in group
+            if name in group and other != name and written is not None
+            if other in self._scene_values
+        ]
         try:
-            self._document.set(self.section, name, written, burst)
+            changes = {name: written, **dict.fromkeys(replaced)}
+            self._document.set_many(self.section, changes, burst)
         except InputError as error:
             self._refuse(name, error)
         else:
