@@ -186,8 +186,8 @@ LIMITS: dict[str, Limit] = {
         basis="clamped strips that hang, 4 and 7.3 bending lengths long: their ends are wrong by "
         "0.5 to 2 % of the length at 60°, 2 to 5 % at 90° (`tests/test_applicability.py`)",
         beyond="it bends too softly in this fold",
-        cure="leave out cage.divisions, or increase them, so that cells are narrower than a third "
-        "of the bending length",
+        cure="make cells narrower than a third of the bending length, as "
+        'cage.divisions = "auto" does',
     ),
     "lean": Limit(
         stage="modal",

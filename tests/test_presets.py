@@ -10,13 +10,17 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+from spacemap_vtk.applicability import LIMITS, LimitWarning
 from spacemap_vtk.cli.main import main
-from spacemap_vtk.datasets.arrays import points_of
+from spacemap_vtk.datasets.arrays import elements_of, points_of
 from spacemap_vtk.datasets.modal_model import contact_of
+from spacemap_vtk.embedding.locate import locate
+from spacemap_vtk.embedding.smooth import SmoothInterpolation
 from spacemap_vtk.errors import InputError, SolverError
 from spacemap_vtk.filters.obstacle_surfaces import obstacle_surfaces
 from spacemap_vtk.io.formats.toml import parse_toml
 from spacemap_vtk.mechanics.contact.crossing import count_crossed_cells
+from spacemap_vtk.mechanics.contact.obstacles import Cylinder
 from spacemap_vtk.mechanics.elements.inversion import count_inverted
 from spacemap_vtk.scenes import library
 from spacemap_vtk.scenes.presets import PRESETS, apply, make_plan, write_scene
@@ -128,6 +132,32 @@ def test_a_cloth_drapes_under_its_own_weight_and_lies_on_the_table() -> None:
     assert total == pytest.approx(weight * area, rel=0.02)
 
 
+def lowest_gap(scene: Scene) -> float:
+    """Return the least distance [m] of the underside of the drawn cloth from the table."""
+    moved, cage = state(scene, 0.0), scene.modal.output
+    rest, cells = points_of(cage).astype(np.float64), elements_of(cage)
+    low, high = rest.min(axis=0), rest.max(axis=0)
+    lines = [np.linspace(low[axis], high[axis], 200) for axis in (0, 1)]
+    under = np.stack(np.broadcast_arrays(*np.meshgrid(*lines), low[2]), axis=-1).reshape(-1, 3)
+    where = locate(under, rest, cells, "clamp")
+    drawn, _ = SmoothInterpolation(under, where, rest, cells).displace(under, moved)
+    disc = scene.modal.obstacles[0]
+    radius, height, rounding = disc.radius, disc.height, disc.rounding
+    middle = (*disc.center[:2], disc.center[2] - height / 2)
+    return float(Cylinder(radius, height, rounding, middle).gap(drawn).min())
+
+
+def test_the_table_does_not_show_through_the_cloth() -> None:
+    scene = apply(TWILL, "drape", size=[0.12])
+    assert scene.warp.smooth
+    gap = lowest_gap(scene)
+    assert 0.0 < gap < scene.modal.obstacles[0].gap
+    # Cloth on a round table hangs as evenly as its own weave allows.
+    points, moved = points_of(scene.modal.output), state(scene, 0.0)
+    corners = np.argsort(-np.hypot(*points[:, :2].T))[:8]
+    assert np.ptp(moved[corners, 2]) < 0.02 * scene.woven.extent[0]
+
+
 def test_the_same_scene_from_its_file_moves_in_the_same_way(tmp_path: Path) -> None:
     scene = apply(TWILL, "swing", size=[0.08])
     scene.assign("cage", "divisions", [4, 6, 1])
@@ -175,6 +205,25 @@ def test_cloth_too_large_for_the_cells_of_time_steps_is_refused() -> None:
         assert "a side of at most 259 mm" in str(raised.value)
         make_plan(overshot, preset, yarn="8/2 cotton", size=[0.25])
     make_plan(overshot, "drape", yarn="8/2 cotton", size=[0.4])
+    # 70 cm of it had cells that turned inside out on the table, too, after half a minute.
+    with pytest.raises(InputError, match="too large to drape") as raised:
+        make_plan(overshot, "drape", yarn="8/2 cotton", size=[0.7])
+    assert "a side of at most 424 mm" in str(raised.value)
+    plan = make_plan(overshot, "hang", yarn="8/2 cotton", size=[1.2])
+    assert math.prod(plan.values["cage"]["divisions"]) < 5000
+    assert "its sharpest folds are rounder in reality" in plan.notes[-1]
+    with pytest.raises(InputError, match="too large to hang"):
+        make_plan(overshot, "hang", yarn="8/2 cotton", size=[30.0])
+
+
+def test_warnings_of_a_preset_name_no_keys_of_scenes() -> None:
+    scene = apply(TWILL, "drape")
+    before = len(scene.warnings)
+    for key in ("fold", "lean"):
+        scene.warn(LimitWarning(LIMITS[key].warning(2.0), key, 2.0))
+    (warning,) = scene.warnings[before:]
+    assert "some folds are sharper than the cells" in warning
+    assert "--cloth-size" in warning
 
 
 @pytest.mark.parametrize("name", ["twill_2_2.wif", "diamond_twill.wpo"])
@@ -308,3 +357,18 @@ def test_a_motion_in_steps_gains_no_energy_and_never_folds_through_itself(
         moved = motion.at_time(float(time))[0]
         assert count_inverted(model.points, moved, model.cells, surface) == 0
         assert count_crossed_cells(model.points + moved, surface) == 0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    "name", sorted(file.name for file in DRAFTS.iterdir() if file.suffix in (".wif", ".wpo"))
+)
+def test_each_draft_drapes_evenly_over_a_table_that_does_not_show(name: str) -> None:
+    scene = apply(DRAFTS / name, "drape")
+    assert lowest_gap(scene) > 0.0
+    points, moved = points_of(scene.modal.output), state(scene, 0.0)
+    extent = scene.woven.extent[0]
+    table = np.hypot(*points[:, :2].T) < 0.5 * scene.modal.obstacles[0].radius
+    assert np.ptp(moved[table, 2]) < 0.01 * extent
+    assert abs(moved).max() < extent
+    assert not [text for text in scene.warnings if isinstance(text, LimitWarning)]

@@ -436,13 +436,13 @@ class ModalSolver(LawParameters, CageFittings, Stage):
         common = {
             "kind": "obstacle",
             "stiffness": contact_stiffness(material, cell),
-            "offset": offset,
             "sheet": sheet is not None,
         }
         recipes: list[dict[str, Any]] = [
             {
                 **common,
                 "body": obstacle.body,
+                "offset": offset + obstacle.gap,
                 "friction": obstacle.friction,
                 "motion": obstacle.motion,
             }

@@ -49,7 +49,7 @@ _DISC_HEIGHT = 0.1
 _ROUNDING = 0.5
 
 #: Keys that an obstacle of any shape may have.
-_ALWAYS = ("friction", "path", "displacement")
+_ALWAYS = ("gap", "friction", "path", "displacement")
 
 _SIZED = ("box",)
 _ROUND = ("sphere", "cylinder", "disc")
@@ -92,9 +92,9 @@ class Vectors(Parameter[Any]):
 class Obstacle(Record):
     """Put a rigid body in the way of a cage: a plane, sphere, cylinder, box, disc or closed mesh.
 
-    Points of the cage's surface meet the obstacle; for a sheet those of its mid-surface, half of
-    its thickness away. Edges that are sharper than the distance between these points, a quarter of
-    a cell, are not resolved.
+    Points of the cage's surface meet the obstacle, at the distance `gap`; for a sheet those of its
+    mid-surface, half of its thickness further away. Edges that are sharper than the distance
+    between these points, a quarter of a cell, are not resolved.
 
     Examples
     --------
@@ -191,6 +191,13 @@ class Obstacle(Record):
         component=Real(0.0, ""),
     )
     frequency = Real(None, "Frequency of a harmonic motion.", unit="1/s", above=0.0)
+    gap = Real(
+        0.0,
+        "Distance that the cage keeps from the obstacle; for a sheet, in addition to half of its "
+        "thickness. With it, pictures do not show that springs of contact give way a little.",
+        unit="m",
+        minimum=0.0,
+    )
     friction = Real(
         0.0,
         "Coefficient of Coulomb friction. With friction the equilibrium depends on the path: the "

@@ -51,14 +51,26 @@ _SIDE = {"hang": 14.0, "drape": 14.0, "drop": 9.0, "swing": 10.0}
 _NEARLY = 0.8
 #: Width of a cell over the bending length: sufficient for pictures, within seconds.
 _CELL = 0.7
+#: The same on a table, at whose rim the cloth bends most.
+_CELL_ON_TABLE = 0.5
 #: Most cells; more take minutes.
-_MOST_CELLS = 1200
+_MOST_CELLS = 1300
+#: The same for a curtain.
+_MOST_OF_CURTAIN = 4096
 #: Fewest cells along the longer side, unless these are narrower than the cloth is thick.
 _FEWEST_CELLS = 12
 #: The same for motions in time steps, whose folds are sharper: width of a cell, and most cells.
 _STEPPED_CELL, _STEPPED_CELLS = 0.5, 324
-#: Widest cell of such a motion over the bending length; in wider ones sharp folds turn inside out.
-_WIDEST_CELL = 0.978
+#: Most cells of each motion, and the widest over the bending length; in wider ones sharp folds turn
+#: inside out. Then words for an error.
+_LARGEST = {
+    "hang": (_MOST_OF_CURTAIN, 1.5, "hang", ""),
+    "drape": (_MOST_CELLS, 0.8, "drape", "; a larger cloth can hang"),
+    "drop": (_STEPPED_CELLS, 0.978, "move in time steps", "; a larger cloth can hang or drape"),
+    "swing": (_STEPPED_CELLS, 0.978, "move in time steps", "; a larger cloth can hang or drape"),
+}
+#: Width of a cell over the bending length from which a note mentions it.
+_WIDE_CELL = 1.1
 #: Density of air [kg/m3] times the drag coefficient of a square plate across the wind.
 _AIR = 1.2 * 1.17
 #: Damping ratio of a vibration at the rate (g/c)^½, assumed: yarns rub on each other as they bend.
@@ -79,8 +91,10 @@ _PULL = 14.0
 _RAIL = 0.012
 #: Pressure of the draught that moves it, over its weight per area.
 _DRAUGHT = 0.08
-#: A textile whose side has fewer bending lengths lies on a table as a plate.
-_STIFF = 4.0
+#: Radius of the pinned middle of a cloth on a table, in cells.
+_PINNED = 2.1
+#: Distance of cloth from the table, in cells: springs of contact let it in by up to that much.
+_GAP = 0.035
 #: A textile that is longer than this multiple of its width is a strip.
 _STRIP = 2.2
 #: Numbers of repeats of textiles along x and y.
@@ -155,12 +169,14 @@ class _Sheet(NamedTuple):
         """Time β by which strain rates are resisted [s]."""
         return 2.0 * _FRICTION_OF_YARNS * math.sqrt(self.bending_length / GRAVITY)
 
-    def cells(self, most: int = _MOST_CELLS, narrowest: float = _CELL) -> list[int]:
-        """Return numbers of cells along x, y and z."""
-        width = min(narrowest * self.bending_length, float(self.sides.max()) / _FEWEST_CELLS)
+    def cells(self, most: int = _MOST_CELLS, share: float = _CELL, multiple: int = 1) -> list[int]:
+        """Return numbers of cells along x, y and z; those along x and y are a multiple."""
+        width = min(share * self.bending_length, float(self.sides.max()) / _FEWEST_CELLS)
         finest = math.sqrt(float(self.sides.prod()) / most)
-        width = max(width, 1.05 * self.thickness, finest)
-        return [max(2, round(float(side) / width)) for side in self.sides] + [1]
+        thickest = 1.05 * self.thickness
+        width, least = max(width, thickest, finest), max(2, multiple)
+        counts = np.rint(self.sides / (multiple * width)), self.sides // (multiple * thickest)
+        return [max(least, multiple * int(n)) for n in np.minimum(*counts)] + [1]
 
 
 def apply(
@@ -202,6 +218,7 @@ def apply(
     given = scene if isinstance(scene, Scene) else Scene.read(scene)
     plan = make_plan(given, preset, yarn=yarn, size=size, crossings=crossings)
     made = Scene(plan.values, given.file)
+    made.plain_warnings = _PLAIN_WARNINGS
     for note in plan.notes:
         made.warn(InfoMessage(note))
     return made
@@ -258,27 +275,40 @@ def make_plan(
     prepare = _prepare_weave if isinstance(source, WeaveSource) else _prepare_textile
     sides = _sides(size) if size is not None else None
     sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
-    if sides is not None and preset in ("drop", "swing"):
-        _check_stepped_size(sheet)
+    if sides is not None:
+        _check_size(preset, sheet)
     title = split_title(scene.title)[0] or "Cloth"
     values["title"] = f"{title}: {PRESETS[preset].label.lower()}"
     _MAKERS[preset](values, sheet)
+    if sides is not None:
+        _note_cells(plan, sheet)
     values["warp"] = {"smooth": True}
     values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
     return plan
 
 
-def _check_stepped_size(sheet: _Sheet) -> None:
+def _check_size(preset: str, sheet: _Sheet) -> None:
     """Refuse cloth whose cells would be too wide for its folds, which then turn inside out."""
-    largest = _WIDEST_CELL * sheet.bending_length * math.sqrt(_STEPPED_CELLS)
+    most, widest, motion, cure = _LARGEST[preset]
+    largest = widest * sheet.bending_length * math.sqrt(most)
     area = float(sheet.sides.prod())
     if area > largest**2:
         raise InputError(
-            f"cloth of {_length(math.sqrt(area))} is too large to move in time steps, as its "
-            f"bending length is {_length(sheet.bending_length)}",
+            f"cloth of {_length(math.sqrt(area))} is too large to {motion}, as its bending length "
+            f"is {_length(sheet.bending_length)}",
             key="size",
             allowed=f"a side of at most {_length(largest)}, if it is square",
-            cure="Choose a smaller size or a stiffer yarn; a larger cloth can hang or drape.",
+            cure=f"Choose a smaller size or a stiffer yarn{cure}.",
+        )
+
+
+def _note_cells(plan: Plan, sheet: _Sheet) -> None:
+    """Note that cells are wide."""
+    cell = float((sheet.sides / plan.values["cage"]["divisions"][:2]).max())
+    if cell > _WIDE_CELL * sheet.bending_length:
+        plan.notes.append(
+            f"cloth this large has cells of {_length(cell)}, at a bending length of "
+            f"{_length(sheet.bending_length)}: its sharpest folds are rounder in reality"
         )
 
 
@@ -586,7 +616,8 @@ def _hang(values: dict[str, Any], sheet: _Sheet) -> None:
     width, height = map(float, sheet.sides)
     modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 50}
     cells = sheet.cells()
-    pleats = 2 * round(0.5 * width / (_RING * sheet.bending_length))
+    most = math.sqrt(_MOST_OF_CURTAIN / 0.6 * width / height) / _CELLS_OF_PLEAT
+    pleats = 2 * round(0.5 * min(width / (_RING * sheet.bending_length), most))
     if pleats < 2:
         modal["fixed"] = "+y"
     else:
@@ -663,10 +694,9 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
     side = float(min(width, height))
     x, y, z = 0.5 * (sheet.low + sheet.high)
     z = float(sheet.low[2])
-    cells, fixed, friction = sheet.cells(), "", 0.3
     if max(width, height) > _STRIP * side:
         # A row of pins along the top of the rod, which needs vertices in the middle.
-        long = int(height > width)
+        cells, long = sheet.cells(_MOST_CELLS, _CELL_ON_TABLE), int(height > width)
         cells[long] += cells[long] % 2
         near = 0.3 * float(max(width, height)) / cells[long]
         span = f"{_length(-near)}, {_length(near)}"
@@ -685,14 +715,16 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
             }
         ]
     else:
-        # Cloth meets the table at samples of its cells, a quarter of their width apart; a
-        # sharper rim would show between them, and on a rounder one the search takes many steps.
-        thick = max(0.08 * side, 2.8 * float(width) / cells[0])
-        if side < _STIFF * sheet.bending_length:
-            # It touches the rim at a few points, which friction cannot settle on.
-            cells[:2] = [count + count % 2 for count in cells[:2]]
-            middle = 0.3 * float(width) / cells[0] + sheet.thickness
-            fixed, friction = f"sphere({', '.join(map(str, _lengths(x, y, z, middle)))})", 0.0
+        # Pins around the middle hold the cloth, as its symmetry would: with friction alone the
+        # search stops where a corner happens to stick. There are pins in cells twice as wide, too,
+        # in which the search begins.
+        cells = sheet.cells(_MOST_CELLS, _CELL_ON_TABLE, multiple=4)
+        cell = float(max(sheet.sides / cells[:2]))
+        middle = _lengths(x, y, z, _PINNED * cell + sheet.thickness)
+        fixed = f"sphere({', '.join(map(str, middle))})"
+        # A sharper rim would turn the cloth by too much within a cell.
+        thick, gap = max(0.08 * side, 2.8 * cell), _GAP * cell
+        z -= gap
         # A corner hangs lower than the table's top by half a diagonal less the radius, at most.
         leg = 0.5 * float(math.hypot(width, height)) - 0.2 * side
         obstacles = [
@@ -700,9 +732,9 @@ def _drape(values: dict[str, Any], sheet: _Sheet) -> None:
                 "shape": "disc",
                 "radius": _length(0.3 * side),
                 "height": _length(thick),
-                "rounding": _length(0.3 * thick),
+                "rounding": _length(0.43 * thick),
                 "center": _lengths(x, y, z),
-                "friction": friction,
+                "gap": _length(gap),
             },
             {
                 "shape": "cylinder",
@@ -802,9 +834,23 @@ _MAKERS: dict[str, Callable[[dict[str, Any], _Sheet], None]] = {
     "swing": _swing,
 }
 
+_SHARP_FOLDS = (
+    "some folds are sharper than the cells of the cloth show them; a smaller or stiffer cloth "
+    "(--cloth-size, --yarn) has wider ones, and --set cage.divisions=auto makes finer cells, which "
+    "take longer"
+)
+#: Warnings about limits without keys that the user never wrote.
+_PLAIN_WARNINGS = {
+    "fold": _SHARP_FOLDS,
+    "lean": _SHARP_FOLDS,
+    "thick_fold": "in the sharpest folds yarns overlap; thinner or stiffer ones (--yarn) do not",
+    "law": "the yarns straighten where the cloth is stretched most; real cloth is stiffer there",
+    "locked": "neighbouring yarns overlap where the cloth is sheared most; a looser sett has room",
+}
+
 #: Comments on keys of scenes that presets make.
 _REMARKS = {
-    ("cage", "divisions"): "cells as wide as 0.7 bending lengths, or 0.5; finer ones take longer",
+    ("cage", "divisions"): "cells as wide as half a bending length or more; finer ones take longer",
     ("modal", "material"): "stiffness from [yarns]",
     ("modal", "law"): "stress is the stiffness of the yarns times the strain",
     ("modal", "gravity"): "the motion starts from the equilibrium under it",

@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import (
 )
 
 from spacemap_vtk import extensions
-from spacemap_vtk.applicability import add_warning
+from spacemap_vtk.applicability import add_warning, key_of_warning
 from spacemap_vtk.datasets.processes import Piece
 from spacemap_vtk.errors import (
     GeometryError,
@@ -100,6 +100,8 @@ class Scene:
         self.irregularity_of_data: Irregularity | None = None
         #: By what they are about, see `spacemap_vtk.applicability.key_of_warning`.
         self._warnings: dict[str, str] = {}
+        #: What warnings about limits say in this scene, by the limit's key; "" leaves one out.
+        self.plain_warnings: dict[str, str] = {}
         #: Sections and keys that `assign` has changed; errors about them must not name the file.
         self.assigned: set[tuple[str | None, str | None]] = set()
         #: The scene's sections; `assign` adds more.
@@ -499,7 +501,9 @@ class Scene:
 
     def _add_warnings(self, texts: Iterable[str]) -> None:
         for text in texts:
-            add_warning(self._warnings, text)
+            plain = self.plain_warnings.get(key_of_warning(text))
+            if plain != "":
+                add_warning(self._warnings, plain or text)
 
     @property
     def patches(self) -> vtkPointSet:

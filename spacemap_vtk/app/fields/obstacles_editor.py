@@ -148,7 +148,7 @@ class ObstaclesEditor(RecordCards):
         if record.displacement is not None:
             own = TIME_KEYS[record.time]
             moves = ["time", *(key for keys in own for key in keys if key in _MOTION)]
-        return ["center", *needed, *possible, "friction", "path", "displacement", *moves]
+        return ["center", *needed, *possible, "gap", "friction", "path", "displacement", *moves]
 
     def _sized(self, kind: str) -> dict[str, Any]:
         if kind == "mesh":

@@ -21,8 +21,8 @@ _LINE_TOLERANCE = 1e-6
 def coarsen(model: Model) -> Model | None:
     """Make the undeformed model of a sheet with cells twice as wide, if possible."""
     # It has the supports of the vertices that are kept. None if the mesh is not a rectangular
-    # lattice of at least four by four cells, or if there are fittings (springs, masses, factors, …)
-    # or further energy terms other than obstacles.
+    # lattice of at least four by four cells, if none of the vertices that are held is kept, or if
+    # there are fittings (springs, masses, factors, …) or further energy terms other than obstacles.
     surface, plate = model.pencil.surface, model.plate
     obstacles = [term for term in model.terms if isinstance(term, ObstacleTerm)]
     if surface is None or plate is None or model.fittings.given:
@@ -41,6 +41,8 @@ def coarsen(model: Model) -> Model | None:
     for new, old in zip(own.pairs.T, surface.pairs.T, strict=True):
         points[new[order]] = model.points[old[kept.ravel()]]
         held[new[order]] = ~model.free.reshape(-1, 3)[old[kept.ravel()]]
+    if not held.any() and not model.free.all():
+        return None
     if not plate.follows_thickness:
         plate = Plate(plate.membrane, plate.bending, law=plate.law, curvature=plate.curvature)
     terms = [_coarsen_obstacle(term, points, own) for term in obstacles]
