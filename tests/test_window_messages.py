@@ -289,15 +289,15 @@ def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: P
 def test_warnings_are_short_and_hidden_for_unchanged_examples(
     open_scene: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    window = open_scene()
+    window = open_scene("lever_in_tetwild_cage")  # 12 modes are few
     window.tabs.setCurrentWidget(window.modes)
     assert "⚠" not in window.status_text.full_text
     assert (window.details_button.isVisible(), window.details_button.text()) == (True, "Notes")
     # After a change by the user, warnings are shown.
-    window.document.set("weave", "warp_diameter", "0.24 mm")
+    window.document.set("modal", "modes", 11)
     wait_until(lambda: settled(window) and "⚠" in window.status_text.full_text)
     messages = window.status_text.full_text.partition("⚠")[2]
-    assert "too stiffly" in messages
+    assert "of the mass" in messages
     assert len(messages.split()) <= 16
     assert not set('[]="') & set(messages)
     full_width = window.status_text.fontMetrics().horizontalAdvance(window.status_text.full_text)
@@ -306,6 +306,6 @@ def test_warnings_are_short_and_hidden_for_unchanged_examples(
     shown: list[str] = []
     monkeypatch.setattr(QWhatsThis, "showText", lambda at, text, owner: shown.append(text))
     QTest.mouseClick(window.details_button, Qt.MouseButton.LeftButton)
-    assert "elements" in shown[0]
+    assert "raise modal.modes" in shown[0]
     window.document.history.undo()
     wait_until(lambda: settled(window) and "⚠" not in window.status_text.full_text)

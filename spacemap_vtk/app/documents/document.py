@@ -473,16 +473,15 @@ class Document(QObject):
                 there[key].append(tomlkit.item(added))
         elif section in self._toml:
             self._toml[section][key] = written
+            tables = self._toml[section][key]
+            if isinstance(tables, AoT) and section != [*self._toml][-1]:
+                tables[-1].add(tomlkit.nl())  # a blank line before the next section
         else:
             self._toml[section] = {key: written}
         if isinstance(written, list) and len(written) > _MAX_VALUES_PER_LINE:
             long = self._toml[section][key]
             if isinstance(long, Array):
                 long.multiline(True)
-        tables = self._toml.get(section, {}).get(key)
-        for table in tables if isinstance(tables, AoT) else ():
-            if not table.as_string().endswith("\n\n"):  # no blank line follows
-                table.add(tomlkit.nl())
 
     def _write_record(self, table: Any, wanted: Mapping[str, Any], parameters: Any) -> None:
         """Change a table to the values of a record; a default that it states stays."""
