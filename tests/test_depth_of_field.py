@@ -11,7 +11,12 @@ from vtkmodules.vtkFiltersSources import vtkPlaneSource
 from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
 from spacemap_vtk.draw.camera import Viewpoint
-from spacemap_vtk.draw.depth_of_field import focus_distance, lens_points, mean_over_lens
+from spacemap_vtk.draw.depth_of_field import (
+    focus_distance,
+    lens_points,
+    mean_over_lens,
+    point_in_middle,
+)
 from spacemap_vtk.draw.offscreen import OffscreenWindow
 from spacemap_vtk.draw.picture import Picture
 from spacemap_vtk.errors import InputError
@@ -74,6 +79,17 @@ def test_a_focus_behind_the_camera_is_refused() -> None:
     assert focus_distance(here, (5.0, 0.0, -1.0)) == pytest.approx(2.0)
     with pytest.raises(InputError, match="behind the camera"):
         focus_distance(here, (0.0, 0.0, 2.0))
+
+
+def test_the_nearest_cloth_in_the_middle_of_the_picture_is_sharp() -> None:
+    here = Viewpoint((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    x, y = np.meshgrid(np.linspace(-1.0, 1.0, 201), np.linspace(-1.0, 1.0, 201))
+    # A slope that rises by 0.5 at x = 0, in front of a level plane; what is nearer is aside.
+    levels = [0.5 + 0.4 * x, 0.0 * x, np.full_like(x, 5.0)]
+    points = np.concatenate([np.stack([x, y, z], axis=-1).reshape(-1, 3) for z in levels])
+    assert point_in_middle(here, points) == pytest.approx([0.0, 0.0, 0.5], abs=0.02)
+    aside = points[points[:, 0] > 0.5]
+    assert point_in_middle(here, aside)[0] == pytest.approx(0.51, abs=0.02)
 
 
 def test_a_camera_without_perspective_warns_that_it_has_no_depth_of_field() -> None:

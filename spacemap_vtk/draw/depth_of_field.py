@@ -15,11 +15,13 @@ from vtkmodules.vtkRenderingCore import vtkCamera
 
 from spacemap_vtk.draw.camera import Viewpoint
 from spacemap_vtk.errors import InputError
-from spacemap_vtk.ndarrays import Bytes, Floats, Progress
+from spacemap_vtk.ndarrays import AnyFloats, Bytes, Floats, Progress
 from spacemap_vtk.scenes.settings import View
 
 #: Number of points on the lens.
 LENS_POINTS = 64
+#: Distance from the middle of the picture over half its height, at which points count as there.
+_MIDDLE = 0.04
 #: Steps of a sequence that fills a square evenly.
 _EVEN = np.array([0.7548776662466927, 0.5698402909980532])
 #: Angle from each point of a spiral to the next one, with which they are spread evenly over a disc
@@ -59,18 +61,41 @@ def focus_distance(viewpoint: Viewpoint, focus: Sequence[float] | None) -> float
     return distance
 
 
+def point_in_middle(viewpoint: Viewpoint, points: AnyFloats) -> Floats:
+    """Return the nearest of points (n, 3) that are about in the middle of the picture, (3,)."""
+    ahead = np.subtract(viewpoint.focus, viewpoint.position)
+    ahead /= np.linalg.norm(ahead)
+    from_eye = points - np.array(viewpoint.position)
+    depth = from_eye @ ahead
+    aside = np.linalg.norm(from_eye - depth[:, None] * ahead, axis=1) / np.abs(depth)
+    aside[depth <= 0.0] = np.inf
+    near = _MIDDLE * math.tan(math.radians(viewpoint.angle / 2))
+    chosen = np.flatnonzero(aside <= max(near, float(aside.min())))
+    return np.asarray(points[chosen[depth[chosen].argmin()]], np.float64)
+
+
+def distance_in_focus(viewpoint: Viewpoint, view: View, points: AnyFloats | None) -> float:
+    """Return the distance [m] of what is sharp: as the view says, else in the middle."""
+    focus = view.focus
+    if focus is None and points is not None and len(points):
+        focus = point_in_middle(viewpoint, points).tolist()
+    return focus_distance(viewpoint, focus)
+
+
 def mean_over_lens(
     camera: vtkCamera,
     view: View,
     size: tuple[int, int],
     draw: Callable[[Callable[[], None]], Bytes],
     report_progress: Progress = lambda _: None,
+    points: AnyFloats | None = None,
 ) -> Bytes:
     """Return the mean of the pictures that `draw` returns for all points of a view's lens."""
+    # Sharp is the focus of the view, else what is in the middle of the picture of points (n, 3).
     # `draw` gets a function that places the camera; `size` is that of the picture in pixels. Each
     # picture is also shifted within a pixel, so that the mean has smooth edges.
     viewpoint = Viewpoint.from_camera(camera)
-    distance = focus_distance(viewpoint, view.focus)
+    distance = distance_in_focus(viewpoint, view, points)
     back = np.subtract(viewpoint.position, viewpoint.focus)
     back /= np.linalg.norm(back)
     right = np.cross(viewpoint.up, back)
@@ -81,11 +106,11 @@ def mean_over_lens(
     center = camera.GetWindowCenter()
     light: Floats | float = 0.0
     cover: Floats | float = 0.0
-    points = 0.5 * view.aperture * distance * lens_points(LENS_POINTS)
+    places = 0.5 * view.aperture * distance * lens_points(LENS_POINTS)
     pixels = 2.0 * _places_in_pixel(LENS_POINTS) / size
-    for number, (point, pixel) in enumerate(zip(points, pixels, strict=True)):
+    for number, (on_lens, pixel) in enumerate(zip(places, pixels, strict=True)):
         report_progress(number / LENS_POINTS)
-        shift, middle = point @ axes, center - point / half + pixel
+        shift, middle = on_lens @ axes, center - on_lens / half + pixel
 
         def place(shift: Floats = shift, middle: Floats = middle) -> None:
             camera.SetPosition(*(viewpoint.position + shift).tolist())

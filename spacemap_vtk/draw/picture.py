@@ -349,6 +349,7 @@ class Picture:
             panel.size,
             lambda place: self._draw_once(panel, frame, place),
             report,
+            points_of(frame.surface),
         )
 
     def _draw_once(

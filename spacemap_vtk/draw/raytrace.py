@@ -21,13 +21,13 @@ from spacemap_vtk.datasets.modal_model import bodies_of
 from spacemap_vtk.datasets.moving_surface import to_linear_light
 from spacemap_vtk.draw.camera import Viewpoint, aim_camera, pixels_per_metre, project_points
 from spacemap_vtk.draw.compose import gradient_background
-from spacemap_vtk.draw.depth_of_field import focus_distance
+from spacemap_vtk.draw.depth_of_field import distance_in_focus
 from spacemap_vtk.draw.detail.yarn_recorder import YarnRecorder
 from spacemap_vtk.draw.frame import camera_of
 from spacemap_vtk.draw.picture import Image, motion_extent
 from spacemap_vtk.errors import InputError, MissingLibraryError
 from spacemap_vtk.memory import require_memory
-from spacemap_vtk.ndarrays import Bools, Floats, StepProgress
+from spacemap_vtk.ndarrays import AnyFloats, Bools, Floats, StepProgress
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.settings import View
 from spacemap_vtk.scenes.styles import LIGHTS, STYLES
@@ -183,7 +183,7 @@ def _trace(
             {
                 "type": "scene",
                 "integrator": {"type": "path", "max_depth": _BOUNCES, "hide_emitters": True},
-                "sensor": _sensor(mi, camera, size, scale, view),
+                "sensor": _sensor(mi, camera, size, scale, view, curves.points),
                 **_lights(mi, camera, scale, view.light),
                 **shapes,
             }
@@ -239,7 +239,12 @@ def _absorption(color: Floats) -> Floats:
 
 
 def _sensor(
-    mi: Any, camera: vtkCamera, size: tuple[int, int], scale: float, view: View
+    mi: Any,
+    camera: vtkCamera,
+    size: tuple[int, int],
+    scale: float,
+    view: View,
+    points: AnyFloats,
 ) -> dict[str, Any]:
     position, focus = (scale * np.array(p) for p in (camera.GetPosition(), camera.GetFocalPoint()))
     transform = mi.ScalarTransform4f().look_at(
@@ -264,7 +269,7 @@ def _sensor(
         }
     lens: dict[str, Any] = {"type": "perspective"}
     if view.aperture:
-        sharp = scale * focus_distance(Viewpoint.from_camera(camera), view.focus)
+        sharp = scale * distance_in_focus(Viewpoint.from_camera(camera), view, points)
         lens = {
             "type": "thinlens",
             "aperture_radius": 0.5 * view.aperture * sharp,

@@ -101,7 +101,7 @@ class View(Parameterised):
         None,
         "A point that is sharp, with all others at its distance from the plane of the lens.",
         component=Real(0.0, "", unit="m"),
-        automatic="the middle of the picture",
+        automatic="what is nearest in the middle of the picture",
     )
     insets = Insets(
         (),
