@@ -316,6 +316,8 @@ def fall_scene() -> Scene:
     obstacles = make_plan(given, "drape").values["modal"]["obstacles"]
     for table, body in zip(obstacles, drape.modal.obstacles, strict=True):
         table["center"] = [*body.center[:2], body.center[2] - HEIGHT]
+    # Nothing pins the falling cloth: friction holds it on the table.
+    obstacles[0]["friction"] = 0.3
     values["modal"]["obstacles"] = obstacles
     values["transient"] |= {"alpha": DRAG, "duration": FALL, "frames": 121}
     values["animation"] = {"stop": FALL}

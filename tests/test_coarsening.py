@@ -57,3 +57,14 @@ def test_meshes_without_wider_cells_are_not_coarsened():
     assert coarsen(Model(points, cells, isotropic(1e6, 0.3), 300.0, held)) is None
     heavy = Fittings(masses=np.ones(len(sheet(2, (8, 8)).points)))
     assert coarsen(sheet(2, (8, 8), fittings=heavy)) is None
+
+
+@pytest.mark.parametrize(("cells", "kept"), [(8, True), (6, False)])
+def test_a_sheet_whose_pins_would_be_lost_is_not_coarsened(cells, kept):
+    points, tetrahedra = build_lattice((-1, 1, -1, 1, -0.005, 0.005), (cells, cells, 1))
+    held = np.repeat(np.linalg.norm(points[:, :2], axis=1)[:, None] < 0.1, 3, axis=1)
+    plate = homogeneous_plate(isotropic(1e6, 0.3), 0.01, 2)
+    half = coarsen(Model(points, tetrahedra, plate, 300.0, held))
+    assert (half is not None) == kept
+    if half is not None:
+        assert np.count_nonzero(~half.free) == np.count_nonzero(held) == 6

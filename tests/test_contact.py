@@ -307,6 +307,25 @@ def rest_on_slope(degrees: float) -> Model:
     return rest(Model(points, cells, PLATE, 0.15 / THICKNESS, free, terms=terms), down)[0]
 
 
+def test_cloth_keeps_the_gap_of_its_obstacle() -> None:
+    heights = []
+    for gap in (0.0, 2e-3):
+        plane = {"shape": "plane", "center": [0, 0, -5e-3], "friction": 0.3, "gap": gap}
+        modal = {"elements": "sheet", "fixed": "", "gravity": [0, 0, -GRAVITY], "modes": 1}
+        threads = {"ends": 40, "picks": 40, "warp_spacing": "1 mm", "weft_spacing": "1 mm"}
+        scene = Scene(
+            {
+                "weave": threads,
+                "cage": {"divisions": [4, 4, 1]},
+                "modal": {**modal, "obstacles": [plane]},
+            }
+        )
+        scene.update_stage(scene.modal)
+        rested = vtk_to_numpy(scene.modal.output.GetPointData().GetArray("equilibrium"))
+        heights.append(rested[:, 2])
+    assert heights[1] - heights[0] == pytest.approx(2e-3, abs=1e-8)
+
+
 def test_cloth_on_a_slope_sticks_below_the_angle_of_friction() -> None:
     """This angle is arctan 0.3 = 16.7°."""
     for degrees in (16.0, 16.65):
