@@ -80,6 +80,8 @@ def test_a_camera_goes_round_anticlockwise_seen_from_above() -> None:
     lying = Viewpoint((0.0, -5.0, 1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     assert lying.turned(90.0, 2).position == pytest.approx((5.0, 0.0, 1.0))
     assert lying.turned(360.0, 2).position == pytest.approx(lying.position)
+    about = front.turned(90.0, 1, np.zeros(3))
+    assert (*about.position, *about.focus) == pytest.approx((8.0, 2.0, -1.0, 3.0, 2.0, -1.0))
 
 
 def test_a_film_of_still_cloth_orbits_it(tmp_path: Path) -> None:

@@ -107,8 +107,9 @@ class Viewpoint(NamedTuple):
             values["angle"] = _round_values([self.angle])[0]
         return values
 
-    def turned(self, angle: float, axis: int) -> Viewpoint:
-        """Return this viewpoint, turned round its focus about an axis by an angle in degrees."""
+    def turned(self, angle: float, axis: int, about: Floats | None = None) -> Viewpoint:
+        """Return this viewpoint, turned about an axis through a point by an angle in degrees."""
+        # The point, (3,), is the focus by default.
         cosine, sine = float(np.cos(np.radians(angle))), float(np.sin(np.radians(angle)))
         matrix = np.eye(3)
         first, second = (axis + 1) % 3, (axis + 2) % 3
@@ -116,10 +117,13 @@ class Viewpoint(NamedTuple):
             *(cosine, -sine),
             *(sine, cosine),
         )
-        focus = np.array(self.focus)
-        position = focus + matrix @ np.subtract(self.position, focus)
-        up = matrix @ np.array(self.up)
-        return self._replace(position=tuple(position.tolist()), up=tuple(up.tolist()))
+        middle = np.array(self.focus if about is None else about)
+        position, focus = (
+            tuple((middle + matrix @ np.subtract(place, middle)).tolist())
+            for place in (self.position, self.focus)
+        )
+        up = tuple((matrix @ np.array(self.up)).tolist())
+        return self._replace(position=position, focus=focus, up=up)
 
     def widen(self, factor: float) -> Viewpoint:
         """Return this viewpoint with a field of view that is `factor` times as high."""

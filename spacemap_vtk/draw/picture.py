@@ -177,7 +177,11 @@ class Picture:
         points, self._span = extent or motion_extent(scene, times, self.sheet, choose)
         self._relief = relief_of(scene)
         self._up, self._orbits = camera_up_axis(camera_of(scene)), orbits and scene.animation.orbit
+        #: Point about which the camera turns; None: its focus.
+        self._orbit_middle: Floats | None = None
         if self._orbits:
+            if viewpoint is None and isinstance(camera_of(scene), str):
+                self._orbit_middle = (points.min(axis=0) + points.max(axis=0)) / 2
             points = _turn_points(points, self._up, scene.animation.orbit)
         cloth = DrawnCloth.from_scene(scene)
         if cloth is not None:
@@ -303,9 +307,9 @@ class Picture:
         """Turn the cameras on their orbit, and choose the facets again if that is needed."""
         turn = self.scene.animation.turn_at(time) if self._orbits else 0.0
         for panel, start in zip(self.panels, self._viewpoints, strict=True):
-            start.turned(turn, self._up).apply_to(panel.window.camera)
+            start.turned(turn, self._up, self._orbit_middle).apply_to(panel.window.camera)
         if self._facets_for is not None and (turn or self._inset_facets):
-            aim = self._facets_for.viewpoint.turned(turn, self._up)
+            aim = self._facets_for.viewpoint.turned(turn, self._up, self._orbit_middle)
             view = self._facets_for._replace(viewpoint=aim)
             choose_facets(self.scene.surface, self.level, view, self.scene.view.yarn_look)
 

@@ -19,6 +19,7 @@ from spacemap_vtk.app.form_dialog import FormDialog
 from spacemap_vtk.app.widgets import row
 from spacemap_vtk.errors import InputError
 from spacemap_vtk.jobs import SweepJob
+from spacemap_vtk.jobs.data import format_count
 from spacemap_vtk.scenes.pipeline import stage_title
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
@@ -106,8 +107,8 @@ class SweepDialog(FormDialog):
         if not lists:
             return "Choose a parameter, and type several values for it."
         return (
-            f"{len(sweep.runs)} runs: for each a picture, a scene and its figures; together a "
-            "table and a contact sheet."
+            f"{format_count(len(sweep.runs), 'run')}: for each a picture, a scene and its figures; "
+            "together a table and a contact sheet."
         )
 
     def update_summary(self, *_: object) -> None:
