@@ -43,7 +43,7 @@ def test_draft_of_another_source_cannot_be_edited(open_window: Any, tmp_path: Pa
     wait_until(lambda: rows.rowCount() > 10)
     assert "crimp c" in [rows.item(k, 0).text() for k in range(rows.rowCount())]
     window.tabs.setCurrentWidget(window.draft)
-    wait_until(lambda: "[tabby] cannot be edited" in window.draft.placeholder.text())
+    wait_until(lambda: "source cannot be edited" in window.draft.placeholder.text())
 
 
 @pytest.mark.parametrize("source", [pytest.param(Rods, marks=pytest.mark.nightly), Loops])

@@ -128,11 +128,12 @@ class _Tabs(QTabWidget):
         titles = (self.tabText(n) for n in range(self.count()) if self.isTabVisible(n))
         return [metrics.horizontalAdvance(title) + gap for title in titles]
 
-    def minimumSizeHint(self) -> QSize:
-        """Return a size with room for all titles in the smallest font."""
+    @property
+    def least_width(self) -> int:
+        """Width in which all titles are whole in the smallest font, in pixels."""
         font = self.font()
         font.setPointSizeF(_SMALLEST_TITLE * font.pointSizeF())
-        return super().minimumSizeHint().expandedTo(QSize(sum(self.widths(font)), 0))
+        return sum(self.widths(font))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         self._fit_titles()
@@ -668,10 +669,19 @@ class MainWindow(QMainWindow):
         present = self.tabs.indexOf(tab)
         if shown and present < 0:
             self.tabs.insertTab(self.tabs.indexOf(after) + 1, tab, title)
+            self._widen_tabs()
         elif not shown and present >= 0:
             if self.tabs.currentWidget() is tab:  # Qt would select the tab behind it
                 self.tabs.setCurrentWidget(after)
             self.tabs.removeTab(present)
+
+    def _widen_tabs(self) -> None:
+        """Give the tabs what their titles need, as far as the view can spare it."""
+        left, middle, right = self.splitter.sizes()
+        spare = middle - self.splitter.widget(1).minimumSizeHint().width()
+        added = min(self.tabs.least_width - right, spare)
+        if right and added > 0:
+            self.splitter.setSizes([left, middle - added, right + added])
 
     def _palette_entries(self) -> Iterator[Entry]:
         yield from tab_entries(self.tabs)

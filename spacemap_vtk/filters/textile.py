@@ -31,7 +31,7 @@ class FabricFigure(NamedTuple):
     value: float | None
     """In SI; None where it is not known."""
     unit: str = ""
-    """A key of `spacemap_vtk.units.UNITS`."""
+    """A key of `spacemap_vtk.units.UNITS`, or "%" for a share."""
 
 
 class StatedYarns:

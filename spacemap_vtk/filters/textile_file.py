@@ -209,7 +209,7 @@ def file_figures(made: FileYarns, density: float) -> list[FabricFigure]:
         FabricFigure(
             "thickness", "thickness", float((height + half).max() - (height - half).min()), "m"
         ),
-        FabricFigure("largest_overlap", "largest overlap over the diameter", made.overlap),
+        FabricFigure("largest_overlap", "largest overlap over the diameter", made.overlap, "%"),
         FabricFigure("deviation", "distance of splines from the file", made.deviation, "m"),
     ]
     area = float(np.linalg.norm(np.cross(*made.cell)))

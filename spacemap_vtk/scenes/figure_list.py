@@ -348,4 +348,6 @@ def _format_figure(value: float | None, unit: str | None) -> str:
         return f"{100 * value:.2f} %"
     if unit == "deg":
         return f"{value:.4g}°"
+    if unit == "kg/m2":
+        return f"{1e3 * value:.4g} g/m²"
     return format_quantity(value, unit, 5)

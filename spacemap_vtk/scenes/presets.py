@@ -539,7 +539,7 @@ def _prepare_textile(
         textile |= _yarns_of_textile(plan, source, yarn)
     if source.kind == "knit" and "set_share" not in textile:
         textile["set_share"] = 1.0
-        plan.notes.append("the knit is blocked, so that it does not curl (textile.set_share = 1)")
+        plan.notes.append("the knit is blocked (its set share is 1), so that it does not curl")
     values["modal"] = {"elements": "sheet", "material": "yarns", "law": "linear"}
     small = Scene({"textile": textile}, scene.file)
     data = _output(small)

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 
 from spacemap_vtk.app.documents.document import DRAFT_KEYS, Document
 from spacemap_vtk.app.documents.file_dialogs import ask_input_file
+from spacemap_vtk.app.draft.chart_tab import is_knit
 from spacemap_vtk.app.draft.counts import DraftCounts
 from spacemap_vtk.app.draft.draft_actions import DraftActions
 from spacemap_vtk.app.draft.draft_view import DraftGrid
@@ -113,10 +114,11 @@ class DraftTab(QWidget):
         scene = self._document.scene
         woven = scene.woven
         if woven is None:
-            self._show_draft(None, "This scene is not woven, so it has no draft.")
+            chart = " Its stitches are in the tab Chart." * is_knit(scene)
+            self._show_draft(None, f"This scene is not woven, so it has no draft.{chart}")
             return
         if scene.source.section != _SECTION:
-            self._show_draft(None, f"The draft of [{scene.source.section}] cannot be edited here.")
+            self._show_draft(None, "The draft of this source cannot be edited here.")
             return
         file, settings = scene.draft_file, scene.source.settings
         stamp = file.stat().st_mtime_ns if file and file.is_file() else 0

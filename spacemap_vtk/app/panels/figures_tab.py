@@ -218,9 +218,11 @@ class FiguresTab(QWidget):
         textile = self._document.scene.textile
         if key[0]:
             self.hint.setText(_HINTS[0])
+            self.table.setHorizontalHeaderLabels(["", "Warp", "Weft"])
             self._engine.start_background(partial(_compute_figures, key=key))
         else:
             self.hint.setText(_HINTS[1 if textile is not None else 2])
+            self.table.setHorizontalHeaderLabels(["", "", ""])
             self._show_rows([(f,) for f in textile_figures(textile)] if textile is not None else [])
 
     def _receive(self, result: Any) -> None:

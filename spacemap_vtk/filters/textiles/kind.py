@@ -302,13 +302,14 @@ class TextileKind(Parameterised):
         area = float(np.linalg.norm(np.cross(*rest.cell))) * unit**2
         if area:
             mass = float(masses @ lengths) * unit / area
-            found.append(FabricFigure("cover", "cover", cover(rest.yarns, rest.cell)))
+            found.append(FabricFigure("cover", "cover", cover(rest.yarns, rest.cell), "%"))
             found.append(FabricFigure("areal_mass", "areal mass", mass, "kg/m2"))
         found.append(
             FabricFigure(
                 "largest_overlap",
                 "largest overlap over the diameter",
                 self.largest_overlap(rest),
+                "%",
             )
         )
         return found
