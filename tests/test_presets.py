@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,23 @@ def test_each_preset_makes_a_scene_of_a_tiny_draft(preset: str, tmp_path: Path) 
             if key == "draft":
                 found, value = found.resolve(), value.resolve()
             assert found == value or str(found) == str(value), (section, key)
-    assert saved.read_text().count(" # ") > 3
+    text = saved.read_text()
+    assert text.count(" # ") > 3
+    assert re.search(r"\d{7}", text) is None  # no digits of rounding
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_a_saved_curtain_has_one_line_for_each_ring(tmp_path: Path) -> None:
+    scene = apply(TWILL, "hang")
+    write_scene(scene, tmp_path / "curtain.toml")
+    text = (tmp_path / "curtain.toml").read_text()
+    pleats = len(scene.modal.springs)
+    assert pleats >= 4
+    assert (
+        len(re.findall(r"^    \{force = .*\}, *$|^    \{force = .*\},$", text, re.M)) == 2 * pleats
+    )
+    assert len(re.findall(r'^    "sphere.*:z", "sphere.*:y",$', text, re.M)) == pleats
+    assert len(text.splitlines()) < 95
 
 
 def test_a_cloth_drapes_under_its_own_weight_and_lies_on_the_table() -> None:

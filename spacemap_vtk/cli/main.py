@@ -56,29 +56,37 @@ app = App(
     """,
     group_parameters=Group.create_default_parameters("Options"),
 )
+#: In the order of the help: the most usual first.
 COMMANDS = {
     "render": ("draw:render", "Draw a picture of a scene, a draft or a mesh."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),
-    "storyboard": (
-        "draw:storyboard",
-        "Draw the motion of a scene as a row of pictures at several times.",
+    "gui": ("window:gui", "Open the window, to see a scene move and to change it."),
+    "info": (
+        "reports:info",
+        "Print the figures of a fabric or an object, and how a file was made.",
     ),
-    "figure": (
-        "figure:figure",
-        "Lay out a page for a publication: pictures, draft and cloth, Peirce's sections.",
+    "export": ("draw:export", "Write a scene's data for other programs."),
+    "scenes": ("reports:scenes", "List the built-in scenes."),
+    "yarns": ("plan:yarns", "List the yarns of the library, with counts, usual setts and sources."),
+    "plan": (
+        "plan:plan",
+        "Plan a project: ends, reed, warp length and yarn by colour for a finished size.",
     ),
     "print": (
         "print_draft:print_draft",
         "Print a draft for the loom on as many pages as it needs.",
     ),
-    "plan": (
-        "plan:plan",
-        "Plan a project: ends, reed, warp length and yarn by colour for a finished size.",
+    "convert": ("draw:convert", "Convert a weaver's draft to another format."),
+    "figure": (
+        "figure:figure",
+        "Lay out a page for a publication: pictures, draft and cloth, Peirce's sections.",
+    ),
+    "storyboard": (
+        "draw:storyboard",
+        "Draw the motion of a scene as a row of pictures at several times.",
     ),
     "sweep": ("sweep:sweep", "Run a scene for lists of values, with a table and a contact sheet."),
-    "export": ("draw:export", "Write a scene's data for other programs."),
-    "convert": ("draw:convert", "Convert a weaver's draft to another format."),
-    "again": ("remake:remake", "Repeat the command that made a file."),
+    "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
     "modes": ("modes:modes", "Print the vibration modes of a scene's cage."),
     "measure": (
         "measure:measure",
@@ -96,22 +104,15 @@ COMMANDS = {
         "constants:permeability",
         "Compute how easily a fluid flows through a textile between its yarns.",
     ),
-    "plot": ("modes:plot", "Plot the motion of a point and its frequency response."),
-    "info": (
-        "reports:info",
-        "Print the figures of a fabric or an object, and how a file was made.",
-    ),
     "validate": ("reports:validate", "Check a scene without drawing it."),
-    "scenes": ("reports:scenes", "List the built-in scenes."),
-    "materials": ("reports:materials", "List the measured fabrics that a cage can be made of."),
-    "yarns": ("plan:yarns", "List the yarns of the library, with counts, usual setts and sources."),
     "keys": ("reports:keys", "Explain the sections and keys of scene files."),
+    "materials": ("reports:materials", "List the measured fabrics that a cage can be made of."),
+    "again": ("remake:remake", "Repeat the command that made a file."),
     "completion": ("completion:completion", "Print the completion script for bash, zsh or fish."),
-    "gui": ("window:gui", "Open the window, to see a scene move and to change it."),
 }
-for _name, (_function, _help) in COMMANDS.items():
+for _number, (_name, (_function, _help)) in enumerate(COMMANDS.items()):
     # By name, so that a command's module is imported when it is called, not for other commands.
-    app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help)
+    app.command(f"spacemap_vtk.cli.{_function}", name=_name, help=_help, sort_key=_number)
 #: Commands of optional parts and of other packages, with the place of each one's function.
 EXTENSIONS = {
     each.name: each.value for each in extensions.members("commands") if each.name not in COMMANDS

@@ -476,7 +476,7 @@ def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
         moduli.append(f"{fibre.yarn_modulus / 1e4:.3g} cN/tex")
         bending.append(_rounded(fibre.bending(mean), "N.m2"))
         size = "" if named else " (thickness assumed)" * (cloth.threads[family].size == "assumed")
-        words.append(name or f"{_MATERIAL} of {mean * 1e6:.4g} tex{size}")
+        words.append(name or f"{_MATERIAL} of {_rounded(mean, 'kg/m')}{size}")
     both = f"of {words[0]}" if words[0] == words[1] else f"of {words[0]} and {words[1]}"
     chosen = any(getattr(source, parameter_name("yarn", family)) for family in (0, 1))
     cure = "" if chosen else YARN_CURE
@@ -588,7 +588,7 @@ def _yarns_of_textile(plan: Plan, source: TextileSource, yarn: str | None) -> di
         tension, bending = material.fibre.yarn_modulus * mass, material.fibre.bending(mass)
         if yarn is None:
             plan.notes.append(
-                f"the yarns are taken to be {_MATERIAL} of {mass * 1e6:.4g} tex{YARN_CURE}"
+                f"the yarns are taken to be {_MATERIAL} of {_rounded(mass, 'kg/m')}{YARN_CURE}"
             )
     return {"tension": _rounded(tension, "N"), "bending": _rounded(bending, "N.m2")}
 
