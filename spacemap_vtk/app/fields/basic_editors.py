@@ -7,8 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QIcon, QMouseEvent, QPaintEvent, QPixmap
 from PySide6.QtWidgets import (
     QCheckBox,
     QColorDialog,
@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QLineEdit,
     QPushButton,
-    QStyle,
     QWidget,
 )
 
@@ -60,8 +59,7 @@ class TextEditor(LineEditor):
         completer.setMaxVisibleItems(len(texts))
         completer.activated.connect(self._choose)
         self.line.setCompleter(completer)
-        arrow = self.style().standardIcon(QStyle.StandardPixmap.SP_ArrowDown)
-        self.offer = self.line.addAction(arrow, QLineEdit.ActionPosition.TrailingPosition)
+        self.offer = self.line.addAction(_arrow_icon(), QLineEdit.ActionPosition.TrailingPosition)
         self.offer.setToolTip("Choose one of the library")
         self.offer.triggered.connect(self._show_offered)
 
@@ -199,6 +197,18 @@ class FileEditor(LineEditor):
         file, _ = QFileDialog.getOpenFileName(self, self.parameter.label, self._file)
         if file:
             self.edited.emit(file, 0)
+
+
+def _arrow_icon() -> QIcon:
+    """Draw a small arrow that is visible in both themes, unlike that of the style."""
+    pixmap = QPixmap(32, 32)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = painter_on(pixmap)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(QColor("#7d8998"))
+    painter.drawPolygon([QPointF(9, 12), QPointF(23, 12), QPointF(16, 20)])
+    painter.end()
+    return QIcon(pixmap)
 
 
 def _strip_quotes(text: str) -> str:
