@@ -123,11 +123,15 @@ def _require_sheet(kind: TextileKind, progress: Progress | None) -> Rest:
     lengths, leaning = np.linalg.norm(rest.cell, axis=1), abs(rest.cell)
     leaning[[0, 1], [0, 1]] = 0.0
     if not lengths.any() or leaning.max() > _SQUARE * lengths.max():
+        why, cure = "their cell is not a rectangle along x and y", ""
+        if not lengths.any():
+            why = "they do not repeat themselves"
+            cure = ", or give textile.period" if "period" in kind.parameters else ""
         raise InputError(
-            f"these yarns are no sheet: their cell is not a rectangle along x and y ({kind.name})",
+            f"these yarns are no sheet: {why} ({kind.name})",
             key="material",
             value="yarns",
-            cure="Choose another material, with the figures of the sheet.",
+            cure=f"Choose another material, with the figures of the sheet{cure}.",
         )
     return rest
 
