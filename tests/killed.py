@@ -50,7 +50,7 @@ COMMANDS = {
     "a.glb": f"export {WEAVE} --times 0,0.02 -o",
     "a.usdc": f"export {WEAVE} --times 0,0.02 -o",
     "a.html": f"export {WEAVE} --times 0,0.02 -o",
-    "a.inp": f"export {WEAVE} --set modal.elements=tetrahedra -o",
+    "a.inp": f"export {WEAVE} -o",
     "a.csv": f"export {WEAVE} -o",
     "a.wif": f"export {WEAVE} -o",
     "a.dtx": "convert given.wif -q",

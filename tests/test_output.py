@@ -46,8 +46,7 @@ WRITERS = {
     "x.bcc": f"export plain_weave {SMALL.replace('=3', '=30')} -o",
     "x.tg3": f"export plain_weave {SMALL.replace('=3', '=9')} -o",
     "x.csv": f"export plain_weave {SMALL.replace('=3', '=5')} -o",
-    "x.inp": f"export plain_weave {SMALL} --set cage.divisions=[9,9,1] "
-    "--set modal.elements=tetrahedra --set modal.modes=1 -o",
+    "x.inp": f"export plain_weave {SMALL} --set cage.divisions=[9,9,1] --set modal.modes=1 -o",
     "x.vtkhdf": f"export plain_weave {SMALL} --times 0,0.02 -o",
     "x.wif": f"export plain_weave {SMALL} -o",
     "x.dtx": f"export plain_weave {SMALL} -o",

@@ -58,8 +58,6 @@ def test_the_figures_are_those_of_the_command_line(
 
 def test_a_cloth_without_stiffness_is_offered_cotton_yarns(open_scene: Any) -> None:
     window = open_scene("plain_weave")
-    window.document.set("modal", "elements", "tetrahedra")
-    wait_until(lambda: settled(window))
     tab = window.measure
     window.tabs.setCurrentWidget(tab)
     tab.run_button.click()
