@@ -844,12 +844,17 @@ _SHARP_FOLDS = (
     "(--cloth-size, --yarn) has wider ones, and --set cage.divisions=auto makes finer cells, which "
     "take longer"
 )
+_STRETCHED = (
+    "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth is "
+    "stiffer there"
+)
 #: Warnings about limits without keys that the user never wrote.
 _PLAIN_WARNINGS = {
     "fold": _SHARP_FOLDS,
     "lean": _SHARP_FOLDS,
     "thick_fold": "in the sharpest folds yarns overlap; thinner or stiffer ones (--yarn) do not",
-    "law": "the yarns straighten where the cloth is stretched most; real cloth is stiffer there",
+    "law": _STRETCHED,
+    "strain": _STRETCHED,
     "locked": "neighbouring yarns overlap where the cloth is sheared most; a looser sett has room",
 }
 
