@@ -845,8 +845,8 @@ _SHARP_FOLDS = (
     "take longer"
 )
 _STRETCHED = (
-    "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth is "
-    "stiffer there"
+    "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth "
+    "is stiffer there"
 )
 #: Warnings about limits without keys that the user never wrote.
 _PLAIN_WARNINGS = {
