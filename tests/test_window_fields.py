@@ -161,7 +161,7 @@ def test_automatic_values_in_use_are_shown(
     window.stages.select("modal")
     row = window.properties.rows["tensile_rigidity"]
     wait_until(lambda: row.automatic_value is not None)
-    assert row.editor.line.placeholderText() == "2.1 N/m"
+    assert row.editor.line.placeholderText() == "0.65 N/m"
     wait_until(lambda: settled(window))
 
 
