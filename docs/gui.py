@@ -36,6 +36,8 @@ def weave_diamond(window: MainWindow) -> None:
     stripes = ["#2d6a8e"] * 3 + ["#b5443c"] + ["#2d6a8e"] * 7 + ["#b5443c"] + ["#2d6a8e"] * 3
     values = {"ends": 15, "picks": 15, "warp_color": stripes, "weft_color": "#ead7b0"}
     window.document.set_many("weave", values)
+    # The paper's load would turn this larger cloth further than a linear motion can show.
+    window.document.set("response", "gravity", [0.0, -2.0, 2.0])
     window.draft._set_loom(DIAMOND, "loom")
     window.splitter.setSizes([270, 640, 530])
     window.menus.actions["Go to end"].trigger()

@@ -31,7 +31,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Generic, TypeVar, overload
@@ -417,6 +417,16 @@ class Parameterised:
         self.parameter(name).require_plausible(value)
         self.configure(**{name: value})
         self._set_in_scene.add(name)
+
+    def keep_given(self, names: Collection[str]) -> None:
+        """Forget that a scene has set other parameters than these.
+
+        Parameters
+        ----------
+        names : collection of str
+            Names of parameters.
+        """
+        self._set_in_scene &= set(names)
 
     @property
     def given_values(self) -> dict[str, Any]:

@@ -388,3 +388,12 @@ def test_typed_counts_keep_their_digits(draft_of: Any, twill: Path) -> None:
     assert "out of range" not in hint.text()
     QTest.keyClick(line, Qt.Key.Key_Return)
     assert window.document.scene.source.ends == 10
+
+
+def test_a_draft_that_replaces_a_pattern_does_not_warn_of_it(open_scene: Any) -> None:
+    window = open_scene("plain_weave")  # its file gives the pattern "plain"
+    window.tabs.setCurrentWidget(window.draft)
+    wait_until(lambda: window.draft.grid.shown is not None)
+    window.draft.counts["shafts"].setValue(window.draft.grid.shown.loom.shafts + 1)
+    wait_until(lambda: window.document.scene.draft_file is not None and settled(window))
+    assert not any("no effect" in text for text in window.view.frame.warnings)

@@ -329,10 +329,13 @@ class Scene:
         settings : mapping
             All of the other scene's `settings`, or those that differ.
         sections : collection of str, optional
-            The other scene's sections, its `given`; by default those of this scene.
+            The other scene's sections, its `given`; by default those of this scene. A mapping also
+            has the values that it gives in each section.
         """
         for section, values in settings.items():
             self.parts[section].configure(**values)
+            if isinstance(sections, Mapping):
+                self.parts[section].keep_given(sections.get(section, ()))
         self._sections = self._sections if sections is None else set(sections)
         self._connect()
 

@@ -295,7 +295,7 @@ class Pipeline:
             # Only stages downstream of a changed value run.
             changed = {k: v for k, v in request.settings.items() if v != self._settings[k]}
             former_stages = scene.stages
-            scene.apply_settings(changed, request.values.keys())
+            scene.apply_settings(changed, request.values)
             if scene.stages != former_stages:
                 self._first_stale = 0
             indices = [n for n, stage in enumerate(scene.stages) if stage.section in changed]
