@@ -33,6 +33,8 @@ VALUES: dict[str, list[Any]] = {
     "pattern": ["plain", "twill 2/1", "satin 5/2", "basket 2", ["10", "01"]],
     "ends": [1, 2, 3],
     "picks": [1, 2, 3],
+    "warp_yarn": ["20/2 cotton", ["20/2 cotton", "30 tex silk"]],
+    "weft_yarn": ["16/2 linen"],
     "warp_plies": [1, 3, [1, 2]],
     "weft_plies": [1, 3, [1, 2]],
     "trim": [False],
@@ -93,10 +95,11 @@ def in_range(parameter: Parameter[Any]) -> list[Any]:
     """Return values in a declared range: typical ones, and its ends."""
     if isinstance(parameter, Series):
         values = in_range(parameter.component)
-        return [*values, values[:2]]
+        return [*values, values[:2]] if values else []
     if isinstance(parameter, Vector):
         each = in_range(parameter.component)
-        return [tuple(each[(k + shift) % len(each)] for k in range(3)) for shift in (0, 1)]
+        size = len(parameter.labels)
+        return [tuple(each[(k + shift) % len(each)] for k in range(size)) for shift in (0, 1)]
     if isinstance(parameter, Flag):
         return [False, True]
     if isinstance(parameter, Choice):

@@ -219,7 +219,7 @@ MOVING = """
 [cage]
 divisions = [4, 4, 1]
 [modal]
-youngs_modulus = "20 kPa"
+youngs_modulus = "60 kPa"
 [response]
 [view]
 size = [320, 240]

@@ -355,7 +355,7 @@ def _crossing_values(
         "crimp": state.crimp,
         "yarn_strain": state.strain,
         "yarn_tension": state.strain,
-        "contact_force": state.contact[None],
+        "contact_force": state.contact[None] + 0.0,  # not -0
         "jammed": state.jammed,
     }[name]
     if name == "yarn_tension":
