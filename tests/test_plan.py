@@ -188,7 +188,7 @@ def test_names_of_yarns_are_understood_beyond_the_library() -> None:
     for wrong in ("20/2", "cotton", "20/2 cottn", "0/2 cotton", ""):
         with pytest.raises(InputError):
             parse_yarn(wrong)
-    with pytest.raises(InputError, match='Did you mean "cotton"'):
+    with pytest.raises(InputError, match='Did you mean "20/2 cotton"'):
         parse_yarn("20/2 cottn")
 
 
