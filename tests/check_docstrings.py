@@ -46,7 +46,8 @@ USERS |= {
     "filters.obstacle",
     "filters.obstacle_surfaces",
 }
-USERS |= {"filters.error_estimates", "filters.textile", "scenes.presets"}
+USERS |= {"filters.error_estimates", "filters.textile"}
+USERS |= {"scenes.presets.apply_preset", "scenes.presets.plan", "scenes.presets.scene_file"}
 USERS |= {module.removeprefix("spacemap_vtk.") for module in spacemap_vtk.FILTERS.values()}
 #: Modules and names of optional parts, which are imported by name.
 PARTS = {

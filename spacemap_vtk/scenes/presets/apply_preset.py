@@ -1,0 +1,204 @@
+"""Give a textile a motion: what is asked of a preset, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.errors import InfoMessage, InputError, add_key_to_errors
+from spacemap_vtk.filters.textile_source import TextileSource
+from spacemap_vtk.filters.weave_source import WeaveSource
+from spacemap_vtk.scenes.presets.cloth import prepare_textile, prepare_weave
+from spacemap_vtk.scenes.presets.motions import MAKERS, MOST_OF_CURTAIN, STEPPED_CELLS
+from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title
+from spacemap_vtk.scenes.presets.sheet import MOST_CELLS, Sheet, rounded
+from spacemap_vtk.scenes.scene import Scene
+from spacemap_vtk.scenes.scene_record import scene_values
+from spacemap_vtk.textile.weave.yarn_library import parse_yarn
+
+#: Side of the cloth over its bending length, unless its size is given.
+_SIDE = {"hang": 14.0, "drape": 14.0, "drop": 9.0, "swing": 10.0}
+#: Most cells of each motion, and the widest over the bending length; in wider ones sharp folds turn
+#: inside out. Then words for an error.
+_LARGEST = {
+    "hang": (MOST_OF_CURTAIN, 1.5, "hang", ""),
+    "drape": (MOST_CELLS, 0.8, "drape", "; a larger cloth can hang"),
+    "drop": (STEPPED_CELLS, 0.978, "move in time steps", "; a larger cloth can hang or drape"),
+    "swing": (STEPPED_CELLS, 0.978, "move in time steps", "; a larger cloth can hang or drape"),
+}
+#: Width of a cell over the bending length from which a note mentions it.
+_WIDE_CELL = 1.1
+#: Sections that describe a motion, and are replaced.
+_MOTION = ("cage", "contact", "modal", "response", "transient", "motion", "rotation", "warp")
+
+_SHARP_FOLDS = (
+    "some folds are sharper than the cells of the cloth show them; a smaller or stiffer cloth "
+    "(--cloth-size, --yarn) has wider ones, and --set cage.divisions=auto makes finer cells, which "
+    "take longer"
+)
+_STRETCHED = (
+    "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth "
+    "is stiffer there"
+)
+#: Warnings about limits without keys that the user never wrote.
+_PLAIN_WARNINGS = {
+    "fold": _SHARP_FOLDS,
+    "lean": _SHARP_FOLDS,
+    "thick_fold": "in the sharpest folds yarns overlap; thinner or stiffer ones (--yarn) do not",
+    "law": _STRETCHED,
+    "strain": _STRETCHED,
+    "locked": "neighbouring yarns overlap where the cloth is sheared most; a looser sett has room",
+}
+
+
+def apply(
+    scene: Scene | str | Path,
+    preset: str,
+    *,
+    yarn: str | None = None,
+    size: Sequence[float] | None = None,
+    crossings: int | None = None,
+) -> Scene:
+    """Make a scene in which a textile moves.
+
+    Parameters
+    ----------
+    scene : Scene, str or Path
+        A scene with a weave or another textile, a draft's file, or the name of a scene that comes
+        with the program. It is not changed.
+    preset : {"hang", "drape", "drop", "swing"}
+        How the textile moves.
+    yarn : str, optional
+        Name of the yarn of warp and weft, such as ``"8/2 cotton"``. By default that of the scene;
+        otherwise yarns of cotton as thick as the scene's.
+    size : float or two floats, optional
+        Sides of the cloth along x and y [m]. By default about fourteen bending lengths, in
+        whole repeats.
+    crossings : int, optional
+        Most crossings of a weave whose size is not given, for files that contain every yarn.
+
+    Returns
+    -------
+    Scene
+        Its warnings begin with what was assumed.
+
+    Raises
+    ------
+    InputError
+        If the scene has no textile, the yarn is not known, or the textile is no sheet.
+    """
+    given = scene if isinstance(scene, Scene) else Scene.read(scene)
+    plan = make_plan(given, preset, yarn=yarn, size=size, crossings=crossings)
+    made = Scene(plan.values, given.file)
+    made.plain_warnings = _PLAIN_WARNINGS
+    for note in plan.notes:
+        made.warn(InfoMessage(note))
+    return made
+
+
+def make_plan(
+    scene: Scene,
+    preset: str,
+    *,
+    yarn: str | None = None,
+    size: Sequence[float] | None = None,
+    crossings: int | None = None,
+) -> Plan:
+    """Decide the values of the scene that `apply` makes.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a weave or another textile.
+    preset : str
+        As for `apply`.
+    yarn : str, optional
+        As for `apply`.
+    size : float or two floats, optional
+        As for `apply` [m].
+    crossings : int, optional
+        As for `apply`.
+
+    Returns
+    -------
+    Plan
+        The values and what was assumed.
+    """
+    if preset not in PRESETS:
+        raise InputError("unknown preset", key="preset", value=preset, allowed=", ".join(PRESETS))
+    source = scene.source
+    if not isinstance(source, (WeaveSource, TextileSource)):
+        raise InputError(
+            "only a textile can hang, drape, drop or swing",
+            key=f"--{preset}",
+            cure="Open a draft, or a scene with a section [weave] or [textile].",
+        )
+    if yarn is not None:
+        with add_key_to_errors("yarn"):
+            parse_yarn(yarn)
+    values = scene_values(scene)
+    for section in (*_MOTION, "animation"):
+        values.pop(section, None)
+    values.get("surface", {}).pop("subdivisions", None)  # chosen for another size of cloth
+    view = values.setdefault("view", {})
+    for key in ("camera", "show", "time", "color", "zoom", "position", "focal_point", "supports"):
+        view.pop(key, None)
+    plan = Plan(values)
+    prepare = prepare_weave if isinstance(source, WeaveSource) else prepare_textile
+    sides = _sides(size) if size is not None else None
+    sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
+    if sides is not None:
+        _check_size(preset, sheet)
+    title = split_title(scene.title)[0] or "Cloth"
+    values["title"] = f"{title}: {PRESETS[preset].label.lower()}"
+    MAKERS[preset](values, sheet)
+    if sides is not None:
+        _note_cells(plan, sheet)
+    values["warp"] = {"smooth": True}
+    values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
+    return plan
+
+
+def _sides(size: Any) -> tuple[float, ...]:
+    """Return the two sides of a cloth [m], of one or two numbers."""
+    try:
+        sides = np.broadcast_to(np.asarray(size, np.float64), 2)
+    except (TypeError, ValueError):
+        sides = np.zeros(2)
+    if not (np.isfinite(sides) & (sides > 0.0)).all():
+        raise InputError(
+            "must be a size of cloth",
+            key="size",
+            value=size,
+            allowed="one or two numbers greater than 0, in m",
+        )
+    return tuple(sides.tolist())
+
+
+def _check_size(preset: str, sheet: Sheet) -> None:
+    """Refuse cloth whose cells would be too wide for its folds, which then turn inside out."""
+    most, widest, motion, cure = _LARGEST[preset]
+    largest = widest * sheet.bending_length * math.sqrt(most)
+    area = float(sheet.sides.prod())
+    side, length = rounded(math.sqrt(area), "m"), rounded(sheet.bending_length, "m")
+    if area > largest**2:
+        raise InputError(
+            f"cloth of {side} is too large to {motion}, as its bending length is {length}",
+            key="size",
+            allowed=f"a side of at most {rounded(largest, 'm')}, if it is square",
+            cure=f"Choose a smaller size or a stiffer yarn{cure}.",
+        )
+
+
+def _note_cells(plan: Plan, sheet: Sheet) -> None:
+    """Note that cells are wide."""
+    cell = float((sheet.sides / plan.values["cage"]["divisions"][:2]).max())
+    if cell > _WIDE_CELL * sheet.bending_length:
+        plan.notes.append(
+            f"cloth this large has cells of {rounded(cell, 'm')}, at a bending length of "
+            f"{rounded(sheet.bending_length, 'm')}: its sharpest folds are rounder in reality"
+        )

@@ -1,0 +1,284 @@
+"""Motions that presets give to cloth: a cage, supports, gravity, and what the cloth meets."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from spacemap_vtk.scenes.presets.sheet import MOST_CELLS, Sheet, rounded
+from spacemap_vtk.units import GRAVITY, format_quantity
+
+#: Width of a cell over the bending length on a table, at whose rim the cloth bends most.
+_CELL_ON_TABLE = 0.5
+#: Most cells of a curtain.
+MOST_OF_CURTAIN = 4096
+#: Most cells of cloth that falls, in time steps.
+STEPPED_CELLS = 324
+#: Width of a cell over the bending length where cloth falls onto a ball, with sharper folds.
+_CELL_ON_BALL = 0.5
+#: Gap between cloth that falls and the ball over the width of a cell: where it is drawn taut, the
+#: springs of contact let it sink in by that much.
+_FALLING_GAP = 0.05
+#: Distance of the rings of a curtain over the bending length, if it is flat.
+_RING = 2.8
+#: Fewest cells across a pleat.
+_CELLS_OF_PLEAT = 6
+#: Share by which a curtain is drawn together.
+_CLOSER = 0.22
+#: Force that pushes each pleat to its side, over the weight of the cloth.
+_PUSH = 0.01
+#: Stiffness of the springs that hold its rings, over the weight of a unit width [1/m].
+_PULL = 14.0
+#: Radius of its rail over the longer side of the cloth.
+_RAIL = 0.012
+#: Pressure of the draught that moves it, over its weight per area.
+_DRAUGHT = 0.08
+#: Radius of the pinned middle of a cloth on a table, in cells.
+_PINNED = 2.1
+#: Distance of cloth from the table, in cells: springs of contact let it in by up to that much.
+_GAP = 0.035
+#: A textile that is longer than this multiple of its width is a strip.
+_STRIP = 2.2
+
+
+def _hang(values: dict[str, Any], sheet: Sheet) -> None:
+    """Hang cloth from rings that slide along a rail and are drawn together; strips from a line."""
+    # Each ring is drawn towards the middle by a spring and a force, which together move it by a
+    # share of its distance. Only one face is held along z, so that pleats turn about the rings.
+    width, height = map(float, sheet.sides)
+    modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 50}
+    cells = sheet.cells()
+    most = math.sqrt(MOST_OF_CURTAIN / 0.6 * width / height) / _CELLS_OF_PLEAT
+    pleats = 2 * round(0.5 * min(width / (_RING * sheet.bending_length), most))
+    if pleats < 2:
+        modal["fixed"] = "+y"
+    else:
+        across = pleats * max(_CELLS_OF_PLEAT, round(cells[0] / pleats))
+        cells = [across, max(3, round(across * height / width * 0.6)), 1]
+        spring, push = (
+            share * sheet.weight * height * length
+            for share, length in ((_PULL, 1.0), (_PUSH, width))
+        )
+        top, faces = float(sheet.high[1]), (float(sheet.low[2]), float(sheet.high[2]))
+        places = np.linspace(sheet.low[0], sheet.high[0], pleats + 1).tolist()
+        between = [0.5 * sum(pair) for pair in itertools.pairwise(places)]
+        others = [x for x in places if x != places[pleats // 2]]
+
+        # Finer than the cloth is thick, so that each ring still holds its vertices.
+        fine = 10.0 ** math.floor(math.log10(0.1 * sheet.thickness))
+
+        def place(value: float) -> str:
+            return format_quantity(float(f"{round(value / fine) * fine:.12g}"), "m")
+
+        def ring(x: float, z: float, radius: float) -> str:
+            return f"sphere({', '.join(map(place, (x, top, z, radius)))})"
+
+        both = {x: ring(x, 0.5 * sum(faces), 0.6 * sheet.thickness) for x in places}
+        one = {x: ring(x, faces[0], 0.5 * sheet.thickness) for x in places}
+        modal["fixed"] = [f"{both[x]}:y {one[x]}:{'z' if x in others else 'xz'}" for x in places]
+        modal["springs"] = [f"{both[x]}:x {rounded(spring, 'N/m')}" for x in others]
+        drawn = spring * _CLOSER
+        loads = [(x, (drawn * (places[pleats // 2] - x), 0.0, 0.0)) for x in others]
+        # Pleats go to the front and to the back in turn.
+        loads += [(x, (0.0, 0.0, (-1) ** n * push)) for n, x in enumerate(between)]
+        # In the middle between both faces, which share a force: at one of them it would turn it.
+        modal["dead_loads"] = [
+            {
+                "force": [rounded(each, "N") if each else 0.0 for each in force],
+                "at": [place(x), place(top), 0.0],
+            }
+            for x, force in loads
+        ]
+    # The rail shows what holds the cloth, which hangs just below and does not touch it.
+    radius, gap = _RAIL * max(width, height), 0.7 * sheet.thickness
+    middle = 0.5 * (sheet.low + sheet.high)
+    modal["obstacles"] = [
+        {
+            "shape": "cylinder",
+            "radius": _length(radius),
+            "height": _length(width + 8.0 * radius),
+            "axis": [1.0, 0.0, 0.0],
+            "center": _lengths(middle[0], sheet.high[1] + gap + radius, middle[2], digits=4),
+        }
+    ]
+    values["modal"] = modal
+    values["cage"] = {"divisions": cells}
+    values["response"] = {
+        "damping_ratio": 0.08,
+        "loads": [
+            {
+                "pressure": rounded(_DRAUGHT * sheet.weight, "Pa"),
+                "on": "-z",
+                "time": "table",
+                "times": ["0 s", "0.2 s", "0.5 s"],
+                "values": [0.0, 1.0, 0.0],
+            }
+        ],
+    }
+    values["rotation"] = {}
+    values["view"] |= {"camera": "three-quarter"}
+    values["animation"] = {"stop": "3 s"}
+
+
+def _drape(values: dict[str, Any], sheet: Sheet) -> None:
+    """Lay cloth on a round table, or a strip over a rod."""
+    width, height = sheet.sides
+    side = float(min(width, height))
+    x, y, z = 0.5 * (sheet.low + sheet.high)
+    z = float(sheet.low[2])
+    if max(width, height) > _STRIP * side:
+        # A row of pins along the top of the rod, which needs vertices in the middle.
+        cells, long = sheet.cells(MOST_CELLS, _CELL_ON_TABLE), int(height > width)
+        cells[long] += cells[long] % 2
+        near = 0.3 * float(max(width, height)) / cells[long]
+        span = f"{_length(-near)}, {_length(near)}"
+        fixed = (
+            f"box(-inf, inf, {span}, -inf, inf)" if long else f"box({span}, -inf, inf, -inf, inf)"
+        )
+        radius = 0.08 * float(max(width, height))
+        along = [1.0, 0.0, 0.0] if height > width else [0.0, 1.0, 0.0]
+        obstacles: list[dict[str, Any]] = [
+            {
+                "shape": "cylinder",
+                "radius": _length(radius),
+                "height": _length(1.5 * side),
+                "axis": along,
+                "center": _lengths(x, y, z - radius),
+            }
+        ]
+    else:
+        # Pins around the middle hold the cloth, as its symmetry would: with friction alone the
+        # search stops where a corner happens to stick. There are pins in cells twice as wide, too,
+        # in which the search begins.
+        cells = sheet.cells(MOST_CELLS, _CELL_ON_TABLE, multiple=4)
+        cell = float(max(sheet.sides / cells[:2]))
+        middle = _lengths(x, y, z, _PINNED * cell + sheet.thickness)
+        fixed = f"sphere({', '.join(map(str, middle))})"
+        # A sharper rim would turn the cloth by too much within a cell.
+        thick, gap = max(0.08 * side, 2.8 * cell), _GAP * cell
+        z -= gap
+        # A corner hangs lower than the table's top by half a diagonal less the radius, at most.
+        leg = 0.5 * float(math.hypot(width, height)) - 0.2 * side
+        obstacles = [
+            {
+                "shape": "disc",
+                "radius": _length(0.3 * side),
+                "height": _length(thick),
+                "rounding": _length(0.43 * thick),
+                "center": _lengths(x, y, z),
+                "gap": _length(gap),
+            },
+            {
+                "shape": "cylinder",
+                "radius": _length(0.043 * side),
+                "height": _length(leg + 0.06 * side),  # its round ends are inside the others
+                "center": _lengths(x, y, z - thick - 0.5 * leg),
+            },
+            {
+                "shape": "disc",
+                "radius": _length(0.2 * side),
+                "height": _length(0.045 * side),
+                "center": _lengths(x, y, z - thick - leg),
+            },
+            {"shape": "plane", "center": _lengths(0.0, 0.0, z - thick - leg - 0.045 * side)},
+        ]
+    values["modal"] |= {
+        "gravity": [0.0, 0.0, "-1 g"],
+        "fixed": fixed,
+        "modes": 12,
+        "obstacles": obstacles,
+    }
+    values["cage"] = {"divisions": cells}
+    values["response"] = {"damping_ratio": 0.08}
+    values["animation"] = {"stop": "8 s", "orbit": 360.0}  # it lies still
+
+
+def _drop(values: dict[str, Any], sheet: Sheet) -> None:
+    """Let cloth fall onto a ball on a stand, in time steps."""
+    side = float(min(sheet.sides))
+    x, y, z = 0.5 * (sheet.low + sheet.high)
+    radius, cells = 0.27 * side, sheet.cells(STEPPED_CELLS, _CELL_ON_BALL)
+    # Off the middle by a fiftieth, as nothing falls exactly onto the middle.
+    x, y, z = x + 0.02 * side, y - 0.013 * side, float(sheet.low[2]) - 0.1 * side - radius
+    values["modal"] |= {
+        "fixed": "",
+        "hang": False,
+        "modes": 6,
+        "obstacles": [
+            {
+                "shape": "sphere",
+                "radius": _length(radius),
+                "center": _lengths(x, y, z),
+                "friction": 0.3,
+                "gap": _length(_FALLING_GAP * side / min(cells[:2])),
+            },
+            {
+                "shape": "cylinder",
+                "radius": _length(0.07 * side),
+                "height": _length(0.5 * side),
+                "center": _lengths(x, y, z - radius - 0.23 * side),
+            },
+        ],
+    }
+    values["cage"] = {"divisions": cells}
+    # The cloth embraces the ball after 1.1 of these units, rises a little and comes to rest.
+    span = _tidy(3.9 * math.sqrt(side / GRAVITY))
+    values["transient"] = {
+        "gravity": [0.0, 0.0, "-1 g"],
+        "alpha": float(f"{sheet.drag:.2g}"),
+        "beta": f"{_tidy(1e3 * sheet.damping)} ms",
+        "tolerance": 1.0,
+        "duration": f"{span} s",
+    }
+    values["view"] |= {"time": f"{_tidy(0.45 * span)} s"}
+    values["animation"] = {"stop": f"{span} s", "speed": 0.2}
+
+
+def _swing(values: dict[str, Any], sheet: Sheet) -> None:
+    """Let level cloth fall that is held by one edge, in time steps."""
+    period = 2.0 * math.pi * math.sqrt(2.0 * float(sheet.sides[1]) / (3.0 * GRAVITY))
+    # One face of the edge is held: a hinge.
+    top = float(sheet.high[1]) - 0.01 * float(sheet.sides[1])
+    middle = float(sheet.low[2] + sheet.high[2]) / 2
+    fixed = f"box(-inf, inf, {_length(top)}, inf, {_length(middle)}, inf)"
+    values["modal"] |= {"fixed": fixed, "modes": 6}
+    # No fold is sharp: cells of 0.55 bending lengths turn by 22° at most.
+    values["cage"] = {"divisions": sheet.cells(STEPPED_CELLS)}
+    span = _tidy(2.0 * period)
+    values["transient"] = {
+        "gravity": [0.0, 0.0, "-1 g"],
+        "alpha": 1.5,
+        "beta": "3 ms",
+        "tolerance": 1.0,
+        "duration": f"{span} s",
+    }
+    values["view"] |= {"time": f"{_tidy(0.2 * period)} s"}
+    values["animation"] = {"stop": f"{span} s", "speed": 0.5}
+
+
+def _lengths(*values: float, digits: int = 6) -> list[Any]:
+    """Format lengths [m] as in a scene file."""
+    # With more digits than sizes, as supports must meet vertices of the cage; the middle of a cloth
+    # is zero up to rounding.
+    return [format_quantity(value, "m", digits) if abs(value) > 1e-12 else 0.0 for value in values]
+
+
+def _length(value: float) -> str:
+    return rounded(value, "m")
+
+
+def _tidy(value: float) -> float:
+    """Round to two digits."""
+    return float(f"{value:.2g}")
+
+
+MAKERS: dict[str, Callable[[dict[str, Any], Sheet], None]] = {
+    "hang": _hang,
+    "drape": _drape,
+    "drop": _drop,
+    "swing": _swing,
+}

@@ -1,0 +1,56 @@
+"""The presets by name, and what one makes of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+
+class Preset(NamedTuple):
+    """A motion that a textile can be given."""
+
+    label: str
+    """Its name in menus."""
+    help: str
+    """One sentence on what it shows."""
+
+
+#: The presets by name.
+PRESETS = {
+    "hang": Preset("Hang as curtain", "Hang the cloth as a curtain, drawn together on a rail."),
+    "drape": Preset(
+        "Drape over table", "Lay the cloth on a round table, over which it hangs in folds."
+    ),
+    "drop": Preset("Drop onto ball", "Let the cloth fall onto a ball; a film shows how it lands."),
+    "swing": Preset("Swing from edge", "Let level cloth fall that is held by one edge."),
+}
+
+
+@dataclass
+class Plan:
+    """What a preset makes of a scene."""
+
+    values: dict[str, Any]
+    """The scene's values, as in a scene file in the scene's folder."""
+    notes: list[str] = field(default_factory=list)
+    """Sentences on what was assumed."""
+
+
+def split_title(title: str) -> tuple[str, str]:
+    """Split the motion that a preset has added off a title.
+
+    Parameters
+    ----------
+    title : str
+        Title of a scene.
+
+    Returns
+    -------
+    tuple of str
+        The title of the textile, and what the preset has added; empty without a preset.
+    """
+    for preset in PRESETS.values():
+        motion = f": {preset.label.lower()}"
+        if title.endswith(motion):
+            return title.removesuffix(motion), motion
+    return title, ""
