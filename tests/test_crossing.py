@@ -35,6 +35,13 @@ def test_a_flat_sheet_and_a_spiral_do_not_cross_themselves() -> None:
     assert count_crossed_cells(wind(points, out), surface) == 0
 
 
+def test_rounding_lets_no_level_sheet_cross_itself() -> None:
+    points, surface = make_strip(20)
+    for seed in range(60):
+        rotation, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+        assert count_crossed_cells(points @ rotation.T, surface) == 0
+
+
 @pytest.mark.parametrize("shift", [0.0, 0.05])
 def test_a_coil_whose_end_dips_below_its_beginning_crosses_itself(shift: float) -> None:
     points, surface = make_strip(20)

@@ -7,6 +7,9 @@ import numpy as np
 from spacemap_vtk.mechanics.elements.shell import MidSurface
 from spacemap_vtk.ndarrays import Floats
 
+#: Rounding error of the volume between a triangle and a point, over a cube as large as cells.
+_ROUNDING = 1e-10
+
 
 def count_crossed_cells(points: Floats, surface: MidSurface) -> int:
     """Count the cells of a sheet through which an edge of another cell passes.
@@ -50,5 +53,7 @@ def count_crossed_cells(points: Floats, surface: MidSurface) -> int:
     along = b - a
     turns = np.stack([volume(x - a, y - a, along) for x, y in ((p, q), (q, r), (r, p))])
     within = (turns > 0).all(axis=0) | (turns < 0).all(axis=0)
-    crossed = face[(above * below < 0) & within]
+    # In a level sheet only rounding decides on which side of a triangle an end lies.
+    clear = np.minimum(abs(above), abs(below)) > _ROUNDING * reach**3
+    crossed = face[(above * below < 0) & within & clear]
     return len(np.unique(crossed % len(quads)))
