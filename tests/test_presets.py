@@ -24,7 +24,7 @@ from spacemap_vtk.mechanics.contact.crossing import count_crossed_cells
 from spacemap_vtk.mechanics.contact.obstacles import Cylinder
 from spacemap_vtk.mechanics.elements.inversion import count_inverted
 from spacemap_vtk.scenes import library
-from spacemap_vtk.scenes.presets import PRESETS, apply, make_plan, write_scene
+from spacemap_vtk.scenes.presets import PRESETS, apply, make_plan, plain_warnings, write_scene
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.textile.weave.yarn_library import (
     COHESION,
@@ -113,6 +113,8 @@ def test_each_preset_makes_a_scene_of_a_tiny_draft(preset: str, tmp_path: Path) 
             assert found == value or str(found) == str(value), (section, key)
     text = saved.read_text()
     assert text.count(" # ") > 3
+    width = {"hang": "at least 6 cells across a pleat", "swing": "cells are 0.7 bending lengths"}
+    assert width.get(preset, "cells are 0.5 bending lengths") in text
     assert re.search(r"\d{7}", text) is None  # no digits of rounding
     assert max(map(len, text.splitlines())) <= 120
 
@@ -239,8 +241,13 @@ def test_warnings_of_a_preset_name_no_keys_of_scenes() -> None:
     for key in ("fold", "lean"):
         scene.warn(LimitWarning(LIMITS[key].warning(2.0), key, 2.0))
     (warning,) = scene.warnings[before:]
-    assert "some folds are sharper than the cells" in warning
-    assert "--cloth-size" in warning
+    assert warning.startswith("the sharpest folds of real cloth would be a little rounder")
+    assert "--set" in warning
+    # The window and the browser show it without the option.
+    assert plain_warnings(scene.title)["fold"] == warning.replace(
+        " (--set cage.divisions=auto)", ""
+    )
+    assert plain_warnings("Twill") == {}
 
 
 @pytest.mark.parametrize("name", ["twill_2_2.wif", "diamond_twill.wpo"])

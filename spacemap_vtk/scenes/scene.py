@@ -503,10 +503,24 @@ class Scene:
         self._add_warnings([text])
 
     def _add_warnings(self, texts: Iterable[str]) -> None:
-        for text in texts:
-            plain = self.plain_warnings.get(key_of_warning(text))
-            if plain != "":
-                add_warning(self._warnings, plain or text)
+        for text in self.state_plainly(texts):
+            add_warning(self._warnings, text)
+
+    def state_plainly(self, texts: Iterable[str]) -> list[str]:
+        """Replace warnings by those of `plain_warnings`.
+
+        Parameters
+        ----------
+        texts : iterable of str
+            Warnings of stages.
+
+        Returns
+        -------
+        list of str
+            What they say in this scene.
+        """
+        stated = (self.plain_warnings.get(key_of_warning(text), text) for text in texts)
+        return [text for text in stated if text]
 
     @property
     def patches(self) -> vtkPointSet:

@@ -44,6 +44,7 @@ from spacemap_vtk.scenes.level_of_detail import (
     quads_in_view,
 )
 from spacemap_vtk.scenes.memory_estimates import DRAWN_POINT
+from spacemap_vtk.scenes.presets import plain_warnings
 from spacemap_vtk.scenes.scene import Scene
 
 #: Quadrilaterals that software rendering draws in 1/20 s, the time of a frame during a drag.
@@ -153,13 +154,14 @@ class Pipeline:
             drawn = surface.GetOutputDataObject(0)
             self._require_memory(drawn)
         cloth, crossings = (None, None) if sheet is None else (sheet.cloth, sheet.crossings)
+        warnings = (text for stage in scene.stages for text in stage.warnings)
         frame = replace(
             frame_of(scene, request.time, drawn, cage, swing is None, cloth, crossings, coarse),
             values=request.values,
             coarse=coarse and (surface is self._coarse_tessellator or sheet is not None),
             mode=None if swing is None else getattr(swing, "mode", PULLED),
             generation=request.generation,
-            warnings=tuple(dict.fromkeys(text for s in scene.stages for text in s.warnings)),
+            warnings=tuple(dict.fromkeys(scene.state_plainly(warnings))),
             motion=None if swing else self._motion_figures(scene, request.coarse),
         )
         if sheet is not None:
@@ -301,6 +303,7 @@ class Pipeline:
             indices = [n for n, stage in enumerate(scene.stages) if stage.section in changed]
             self._first_stale = min([self._first_stale, *indices])
         self._settings = request.settings
+        scene.plain_warnings = plain_warnings(scene.title)
         return scene
 
     def _choose_sheet(self, scene: Scene) -> ClothSheet | None:

@@ -5,7 +5,7 @@ size at which cloth bends under its own weight, a cage, gravity, and what the cl
 result is an ordinary scene, which `write_scene` saves.
 """
 
-from spacemap_vtk.scenes.presets.apply_preset import apply, make_plan
+from spacemap_vtk.scenes.presets.apply_preset import apply, make_plan, plain_warnings
 from spacemap_vtk.scenes.presets.cloth import YARN_CURE
 from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title
 from spacemap_vtk.scenes.presets.scene_file import format_preset, write_scene
@@ -17,6 +17,7 @@ __all__ = [
     "apply",
     "format_preset",
     "make_plan",
+    "plain_warnings",
     "split_title",
     "write_scene",
 ]

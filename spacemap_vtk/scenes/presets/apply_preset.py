@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from spacemap_vtk.filters.textile_source import TextileSource
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.presets.cloth import prepare_textile, prepare_weave
 from spacemap_vtk.scenes.presets.motions import MAKERS, MOST_OF_CURTAIN, STEPPED_CELLS
-from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title
+from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title, title_end
 from spacemap_vtk.scenes.presets.sheet import MOST_CELLS, Sheet, rounded
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
@@ -35,10 +36,11 @@ _WIDE_CELL = 1.1
 #: Sections that describe a motion, and are replaced.
 _MOTION = ("cage", "contact", "modal", "response", "transient", "motion", "rotation", "warp")
 
+#: An option in a warning, which neither the window nor the browser has.
+_OPTION = re.compile(r" \(--[^)]*\)")
 _SHARP_FOLDS = (
-    "some folds are sharper than the cells of the cloth show them; a smaller or stiffer cloth "
-    "(--cloth-size, --yarn) has wider ones, and --set cage.divisions=auto makes finer cells, which "
-    "take longer"
+    "the sharpest folds of real cloth would be a little rounder; finer cells "
+    "(--set cage.divisions=auto) show that, but take longer"
 )
 _STRETCHED = (
     "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth "
@@ -154,13 +156,31 @@ def make_plan(
     if sides is not None:
         _check_size(preset, sheet)
     title = split_title(scene.title)[0] or "Cloth"
-    values["title"] = f"{title}: {PRESETS[preset].label.lower()}"
+    values["title"] = title + title_end(preset)
     MAKERS[preset](values, sheet)
     if sides is not None:
         _note_cells(plan, sheet)
     values["warp"] = {"smooth": True}
     values["view"] = {"camera": "lying", "supports": False, **view, **values["view"]}
     return plan
+
+
+def plain_warnings(title: str) -> dict[str, str]:
+    """Return what warnings about limits say in a scene of a preset, without names of options.
+
+    Parameters
+    ----------
+    title : str
+        Title of a scene.
+
+    Returns
+    -------
+    dict of str to str
+        As `Scene.plain_warnings`; empty if no preset has made the scene.
+    """
+    if not split_title(title)[1]:
+        return {}
+    return {key: _OPTION.sub("", text) for key, text in _PLAIN_WARNINGS.items()}
 
 
 def _sides(size: Any) -> tuple[float, ...]:

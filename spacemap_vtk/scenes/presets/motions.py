@@ -13,20 +13,20 @@ from spacemap_vtk.scenes.presets.sheet import MOST_CELLS, Sheet, rounded
 from spacemap_vtk.units import GRAVITY, format_quantity
 
 #: Width of a cell over the bending length on a table, at whose rim the cloth bends most.
-_CELL_ON_TABLE = 0.5
+CELL_ON_TABLE = 0.5
 #: Most cells of a curtain.
 MOST_OF_CURTAIN = 4096
 #: Most cells of cloth that falls, in time steps.
 STEPPED_CELLS = 324
 #: Width of a cell over the bending length where cloth falls onto a ball, with sharper folds.
-_CELL_ON_BALL = 0.5
+CELL_ON_BALL = 0.5
 #: Gap between cloth that falls and the ball over the width of a cell: where it is drawn taut, the
 #: springs of contact let it sink in by that much.
 _FALLING_GAP = 0.05
 #: Distance of the rings of a curtain over the bending length, if it is flat.
 _RING = 2.8
 #: Fewest cells across a pleat.
-_CELLS_OF_PLEAT = 6
+CELLS_OF_PLEAT = 6
 #: Share by which a curtain is drawn together.
 _CLOSER = 0.22
 #: Force that pushes each pleat to its side, over the weight of the cloth.
@@ -52,12 +52,12 @@ def _hang(values: dict[str, Any], sheet: Sheet) -> None:
     width, height = map(float, sheet.sides)
     modal = values["modal"] | {"gravity": [0.0, "-1 g", 0.0], "modes": 50}
     cells = sheet.cells()
-    most = math.sqrt(MOST_OF_CURTAIN / 0.6 * width / height) / _CELLS_OF_PLEAT
+    most = math.sqrt(MOST_OF_CURTAIN / 0.6 * width / height) / CELLS_OF_PLEAT
     pleats = 2 * round(0.5 * min(width / (_RING * sheet.bending_length), most))
     if pleats < 2:
         modal["fixed"] = "+y"
     else:
-        across = pleats * max(_CELLS_OF_PLEAT, round(cells[0] / pleats))
+        across = pleats * max(CELLS_OF_PLEAT, round(cells[0] / pleats))
         cells = [across, max(3, round(across * height / width * 0.6)), 1]
         spring, push = (
             share * sheet.weight * height * length
@@ -132,7 +132,7 @@ def _drape(values: dict[str, Any], sheet: Sheet) -> None:
     z = float(sheet.low[2])
     if max(width, height) > _STRIP * side:
         # A row of pins along the top of the rod, which needs vertices in the middle.
-        cells, long = sheet.cells(MOST_CELLS, _CELL_ON_TABLE), int(height > width)
+        cells, long = sheet.cells(MOST_CELLS, CELL_ON_TABLE), int(height > width)
         cells[long] += cells[long] % 2
         near = 0.3 * float(max(width, height)) / cells[long]
         span = f"{_length(-near)}, {_length(near)}"
@@ -154,7 +154,7 @@ def _drape(values: dict[str, Any], sheet: Sheet) -> None:
         # Pins around the middle hold the cloth, as its symmetry would: with friction alone the
         # search stops where a corner happens to stick. There are pins in cells twice as wide, too,
         # in which the search begins.
-        cells = sheet.cells(MOST_CELLS, _CELL_ON_TABLE, multiple=4)
+        cells = sheet.cells(MOST_CELLS, CELL_ON_TABLE, multiple=4)
         cell = float(max(sheet.sides / cells[:2]))
         middle = _lengths(x, y, z, _PINNED * cell + sheet.thickness)
         fixed = f"sphere({', '.join(map(str, middle))})"
@@ -201,7 +201,7 @@ def _drop(values: dict[str, Any], sheet: Sheet) -> None:
     """Let cloth fall onto a ball on a stand, in time steps."""
     side = float(min(sheet.sides))
     x, y, z = 0.5 * (sheet.low + sheet.high)
-    radius, cells = 0.27 * side, sheet.cells(STEPPED_CELLS, _CELL_ON_BALL)
+    radius, cells = 0.27 * side, sheet.cells(STEPPED_CELLS, CELL_ON_BALL)
     # Off the middle by a fiftieth, as nothing falls exactly onto the middle.
     x, y, z = x + 0.02 * side, y - 0.013 * side, float(sheet.low[2]) - 0.1 * side - radius
     values["modal"] |= {
@@ -246,7 +246,7 @@ def _swing(values: dict[str, Any], sheet: Sheet) -> None:
     middle = float(sheet.low[2] + sheet.high[2]) / 2
     fixed = f"box(-inf, inf, {_length(top)}, inf, {_length(middle)}, inf)"
     values["modal"] |= {"fixed": fixed, "modes": 6}
-    # No fold is sharp: cells of 0.55 bending lengths turn by 22° at most.
+    # No fold is sharp: the cells of a twill turn by 28° at most.
     values["cage"] = {"divisions": sheet.cells(STEPPED_CELLS)}
     span = _tidy(2.0 * period)
     values["transient"] = {

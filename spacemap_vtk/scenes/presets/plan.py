@@ -36,6 +36,11 @@ class Plan:
     """Sentences on what was assumed."""
 
 
+def title_end(preset: str) -> str:
+    """Return what a preset adds to the title of a textile."""
+    return f": {PRESETS[preset].label.lower()}"
+
+
 def split_title(title: str) -> tuple[str, str]:
     """Split the motion that a preset has added off a title.
 
@@ -49,8 +54,8 @@ def split_title(title: str) -> tuple[str, str]:
     tuple of str
         The title of the textile, and what the preset has added; empty without a preset.
     """
-    for preset in PRESETS.values():
-        motion = f": {preset.label.lower()}"
+    for preset in PRESETS:
+        motion = title_end(preset)
         if title.endswith(motion):
             return title.removesuffix(motion), motion
     return title, ""

@@ -8,12 +8,14 @@ from typing import Any
 
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import atomic_file, check_output, write_parts
+from spacemap_vtk.scenes.presets.motions import CELL_ON_BALL, CELL_ON_TABLE, CELLS_OF_PLEAT
+from spacemap_vtk.scenes.presets.plan import PRESETS, title_end
+from spacemap_vtk.scenes.presets.sheet import CELL
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
 
 #: Comments on keys of scenes that presets make.
 _REMARKS = {
-    ("cage", "divisions"): "cells as wide as half a bending length or more; finer ones take longer",
     ("modal", "material"): "stiffness from [yarns]",
     ("modal", "law"): "stress is the stiffness of the yarns times the strain",
     ("modal", "gravity"): "the motion starts from the equilibrium under it",
@@ -59,6 +61,18 @@ def format_preset(values: Mapping[str, Any]) -> str:
     str
         TOML.
     """
-    return format_scene(
-        values, "All lengths follow from the bending length of the cloth.", _REMARKS
-    )
+    remarks = _REMARKS | {("cage", "divisions"): _remark_on_cells(values)}
+    return format_scene(values, "All lengths follow from the bending length of the cloth.", remarks)
+
+
+def _remark_on_cells(values: Mapping[str, Any]) -> str:
+    """Return a comment on the number of cells that a preset chooses."""
+    title = str(values.get("title", ""))
+    preset = next((name for name in PRESETS if title.endswith(title_end(name))), None)
+    width = ""
+    if preset and "springs" in values.get("modal", {}):
+        width = f"at least {CELLS_OF_PLEAT} cells across a pleat; "
+    elif preset:
+        share = {"drape": CELL_ON_TABLE, "drop": CELL_ON_BALL}.get(preset, CELL)
+        width = f"cells are {share} bending lengths wide, or wider in large cloth; "
+    return f"{width}finer cells take longer"

@@ -15,7 +15,7 @@ from spacemap_vtk.ndarrays import Floats
 from spacemap_vtk.units import GRAVITY, format_quantity
 
 #: Width of a cell over the bending length: sufficient for pictures, within seconds.
-_CELL = 0.7
+CELL = 0.7
 #: Most cells; more take minutes.
 MOST_CELLS = 1300
 #: Fewest cells along the longer side, unless these are narrower than the cloth is thick.
@@ -59,7 +59,7 @@ class Sheet(NamedTuple):
         """Time β by which strain rates are resisted [s]."""
         return 2.0 * _FRICTION_OF_YARNS * math.sqrt(self.bending_length / GRAVITY)
 
-    def cells(self, most: int = MOST_CELLS, share: float = _CELL, multiple: int = 1) -> list[int]:
+    def cells(self, most: int = MOST_CELLS, share: float = CELL, multiple: int = 1) -> list[int]:
         """Return numbers of cells along x, y and z; those along x and y are a multiple."""
         width = min(share * self.bending_length, float(self.sides.max()) / _FEWEST_CELLS)
         finest = math.sqrt(float(self.sides.prod()) / most)
