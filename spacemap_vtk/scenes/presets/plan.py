@@ -37,7 +37,18 @@ class Plan:
 
 
 def title_end(preset: str) -> str:
-    """Return what a preset adds to the title of a textile."""
+    """Return what a preset adds to the title of a textile.
+
+    Parameters
+    ----------
+    preset : str
+        One of `PRESETS`.
+
+    Returns
+    -------
+    str
+        The motion, after a colon.
+    """
     return f": {PRESETS[preset].label.lower()}"
 
 
