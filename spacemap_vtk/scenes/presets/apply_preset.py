@@ -14,27 +14,27 @@ from spacemap_vtk.errors import InfoMessage, InputError, add_key_to_errors
 from spacemap_vtk.filters.textile_source import TextileSource
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.presets.cloth import prepare_textile, prepare_weave
-from spacemap_vtk.scenes.presets.motions import MAKERS, MOST_OF_CURTAIN, STEPPED_CELLS
+from spacemap_vtk.scenes.presets.motions import MOTION_OF_PRESET, Motion
 from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title, title_end
-from spacemap_vtk.scenes.presets.sheet import MOST_CELLS, Sheet, rounded
+from spacemap_vtk.scenes.presets.sheet import Sheet, rounded
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
 from spacemap_vtk.textile.weave.yarn_library import parse_yarn
 
-#: Side of the cloth over its bending length, unless its size is given.
-_SIDE = {"hang": 14.0, "drape": 14.0, "drop": 9.0, "swing": 10.0}
-#: Most cells of each motion, and the widest over the bending length; in wider ones sharp folds turn
-#: inside out. Then words for an error.
-_LARGEST = {
-    "hang": (MOST_OF_CURTAIN, 1.5, "hang", ""),
-    "drape": (MOST_CELLS, 0.8, "drape", "; a larger cloth can hang"),
-    "drop": (STEPPED_CELLS, 0.978, "move in time steps", "; a larger cloth can hang or drape"),
-    "swing": (STEPPED_CELLS, 0.978, "move in time steps", "; a larger cloth can hang or drape"),
-}
 #: Width of a cell over the bending length from which a note mentions it.
 _WIDE_CELL = 1.1
 #: Sections that describe a motion, and are replaced.
-_MOTION = ("cage", "contact", "modal", "response", "transient", "motion", "rotation", "warp")
+_REPLACED = (
+    "cage",
+    "contact",
+    "modal",
+    "response",
+    "transient",
+    "motion",
+    "rotation",
+    "warp",
+    "animation",
+)
 
 #: An option in a warning, which neither the window nor the browser has.
 _OPTION = re.compile(r" \(--[^)]*\)")
@@ -143,7 +143,7 @@ def make_plan(
         with add_key_to_errors("yarn"):
             parse_yarn(yarn)
     values = scene_values(scene)
-    for section in (*_MOTION, "animation"):
+    for section in _REPLACED:
         values.pop(section, None)
     values.get("surface", {}).pop("subdivisions", None)  # chosen for another size of cloth
     view = values.setdefault("view", {})
@@ -152,12 +152,13 @@ def make_plan(
     plan = Plan(values)
     prepare = prepare_weave if isinstance(source, WeaveSource) else prepare_textile
     sides = _sides(size) if size is not None else None
-    sheet = prepare(plan, scene, _SIDE[preset], yarn, sides, crossings)
+    motion = MOTION_OF_PRESET[preset]
+    sheet = prepare(plan, scene, motion.side, yarn, sides, crossings)
     if sides is not None:
-        _check_size(preset, sheet)
+        _check_size(motion, sheet)
     title = split_title(scene.title)[0] or "Cloth"
     values["title"] = title + title_end(preset)
-    MAKERS[preset](values, sheet)
+    motion.prepare(values, sheet)
     if sides is not None:
         _note_cells(plan, sheet)
     values["warp"] = {"smooth": True}
@@ -199,18 +200,18 @@ def _sides(size: Any) -> tuple[float, ...]:
     return tuple(sides.tolist())
 
 
-def _check_size(preset: str, sheet: Sheet) -> None:
+def _check_size(motion: Motion, sheet: Sheet) -> None:
     """Refuse cloth whose cells would be too wide for its folds, which then turn inside out."""
-    most, widest, motion, cure = _LARGEST[preset]
-    largest = widest * sheet.bending_length * math.sqrt(most)
+    largest = motion.widest_cell * sheet.bending_length * math.sqrt(motion.most_cells)
     area = float(sheet.sides.prod())
-    side, length = rounded(math.sqrt(area), "m"), rounded(sheet.bending_length, "m")
     if area > largest**2:
+        side, length = rounded(math.sqrt(area), "m"), rounded(sheet.bending_length, "m")
+        other = f"; a larger cloth can {motion.alternative}" if motion.alternative else ""
         raise InputError(
-            f"cloth of {side} is too large to {motion}, as its bending length is {length}",
+            f"cloth of {side} is too large to {motion.verb}, as its bending length is {length}",
             key="size",
             allowed=f"a side of at most {rounded(largest, 'm')}, if it is square",
-            cure=f"Choose a smaller size or a stiffer yarn{cure}.",
+            cure=f"Choose a smaller size or a stiffer yarn{other}.",
         )
 
 

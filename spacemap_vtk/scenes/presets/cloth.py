@@ -54,8 +54,21 @@ def prepare_weave(
     values, weave = plan.values, plan.values.setdefault("weave", {})
     if yarn is not None:
         _use_yarn(plan, weave, yarn)
-    small = Scene({"weave": weave}, scene.file)
-    source = small.part(WeaveSource)
+    source = Scene({"weave": weave}, scene.file).part(WeaveSource)
+    cloth = source.cloth
+    yarns = _choose_stiffness(plan, source)
+    solver = Scene({"modal": values["modal"]}).modal
+    mass = float(fabric_figures(cloth)["areal_mass"])
+    plate, mass = solver.sheet_stiffness(1e-3, 2, mass, cloth, yarns)
+    length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
+    _choose_threads(plan, scene, source, size, share * length, most)
+    box = cloth_bounds(Scene({"weave": weave}, scene.file).part(WeaveSource).cloth).reshape(3, 2)
+    return Sheet(box[:, 0], box[:, 1], length, mass * GRAVITY)
+
+
+def _choose_stiffness(plan: Plan, source: WeaveSource) -> YarnParameters | None:
+    """Fill in [modal], and [yarns] of a single weave; return the parameters of these yarns."""
+    values, cloth = plan.values, source.cloth
     yarns = dict(values.get("yarns", {}))
     known = {"tension", "modulus"} & yarns.keys() and "bending" in yarns
     if not known:
@@ -63,31 +76,35 @@ def prepare_weave(
     if not {"contact", "van_wyk", "contact_curve", "flattest"} & yarns.keys():
         tension = math.sqrt(math.prod(_tensions(source, yarns)))
         yarns["contact"] = rounded(_CONTACT * tension, "N")
-    values["yarns"] = yarns
-    values["modal"] = {"elements": "sheet"}
-    cloth = source.cloth
     cloth.check()
-    if cloth.layers is None:
-        values["modal"] |= {"material": "yarns", "law": "linear"}
-    else:
-        values["modal"] |= _layered_figures(source, yarns)
-        values.pop("yarns")
+    if cloth.layers is not None:
+        values.pop("yarns", None)
+        values["modal"] = {"elements": "sheet", **_layered_figures(source, yarns)}
         plan.notes.append(f"both cloths of the double weave together are sheared with {_SHEAR}")
-    own = YarnParameters(**{k: v for k, v in yarns.items() if k in YarnParameters.parameters})
-    solver = Scene({"modal": values["modal"]}).modal
-    mass = float(fabric_figures(cloth)["areal_mass"])
-    plate, mass = solver.sheet_stiffness(
-        1e-3, 2, mass, cloth, None if cloth.layers is not None else own
-    )
-    length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
-    assigned = scene.assigned
-    target = size or (share * length,) * 2
-    counts, drafted = [], source.source.size
-    for axis, (key, threads) in enumerate(zip(("ends", "picks"), cloth.threads, strict=True)):
-        repeat, wanted = drafted[axis], target[axis] / threads.mean_spacing(1e-3)
+        return None
+    values["yarns"] = yarns
+    values["modal"] = {"elements": "sheet", "material": "yarns", "law": "linear"}
+    return YarnParameters(**{k: v for k, v in yarns.items() if k in YarnParameters.parameters})
+
+
+def _choose_threads(
+    plan: Plan,
+    scene: Scene,
+    source: WeaveSource,
+    size: tuple[float, ...] | None,
+    side: float,
+    most: int | None,
+) -> None:
+    """Choose numbers of ends and picks: for a size, or for about a side in whole repeats."""
+    weave, threads, drafted = plan.values["weave"], source.cloth.threads, source.source.size
+    counts = []
+    for axis, key in enumerate(("ends", "picks")):
+        target = size[axis] if size is not None else side
+        repeat, wanted = drafted[axis], target / threads[axis].mean_spacing(1e-3)
         if size is None and wanted > _NEARLY * repeat:
             wanted = repeat * max(1, round(wanted / repeat))
-        counts.append(int(weave[key]) if ("weave", key) in assigned else max(2, round(wanted)))
+        is_given = ("weave", key) in scene.assigned
+        counts.append(int(weave[key]) if is_given else max(2, round(wanted)))
     if size is None and most is not None and math.prod(counts) > most:
         share = math.sqrt(most / math.prod(counts))
         counts = [max(2, round(share * count)) for count in counts]
@@ -95,15 +112,12 @@ def prepare_weave(
             f"the file contains every yarn, so that the cloth has only {counts[0]} ends and "
             f"{counts[1]} picks; --cloth-size makes it larger"
         )
-    for axis, key in enumerate(("ends", "picks")):
-        weave[key] = counts[axis]
+    weave["ends"], weave["picks"] = counts
     if source.draft is not None and any(c < d for c, d in zip(counts, drafted, strict=True)):
         plan.notes.append(
             f"the cloth shows {counts[0]} of {drafted[0]} ends and {counts[1]} of {drafted[1]} "
             "picks of the draft; --cloth-size shows more of it"
         )
-    box = cloth_bounds(Scene({"weave": weave}, scene.file).part(WeaveSource).cloth).reshape(3, 2)
-    return Sheet(box[:, 0], box[:, 1], length, mass * GRAVITY)
 
 
 def _use_yarn(plan: Plan, weave: dict[str, Any], name: str) -> None:
