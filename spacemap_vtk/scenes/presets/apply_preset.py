@@ -153,9 +153,12 @@ def make_plan(
     prepare = prepare_weave if isinstance(source, WeaveSource) else prepare_textile
     sides = _sides(size) if size is not None else None
     motion = MOTION_OF_PRESET[preset]
-    sheet = prepare(plan, scene, motion.side, yarn, sides, crossings)
-    if sides is not None:
-        _check_size(motion, sheet)
+
+    def check_size(bending_length: float) -> None:
+        if sides is not None:
+            _check_size(motion, sides, bending_length)
+
+    sheet = prepare(plan, scene, motion.side, yarn, sides, crossings, check_size)
     title = split_title(scene.title)[0] or "Cloth"
     values["title"] = title + title_end(preset)
     motion.prepare(values, sheet)
@@ -200,12 +203,12 @@ def _sides(size: Any) -> tuple[float, ...]:
     return tuple(sides.tolist())
 
 
-def _check_size(motion: Motion, sheet: Sheet) -> None:
+def _check_size(motion: Motion, sides: Sequence[float], bending_length: float) -> None:
     """Refuse cloth whose cells would be too wide for its folds, which then turn inside out."""
-    largest = motion.widest_cell * sheet.bending_length * math.sqrt(motion.most_cells)
-    area = float(sheet.sides.prod())
+    largest = motion.widest_cell * bending_length * math.sqrt(motion.most_cells)
+    area = math.prod(sides)
     if area > largest**2:
-        side, length = rounded(math.sqrt(area), "m"), rounded(sheet.bending_length, "m")
+        side, length = rounded(math.sqrt(area), "m"), rounded(bending_length, "m")
         other = f"; a larger cloth can {motion.alternative}" if motion.alternative else ""
         raise InputError(
             f"cloth of {side} is too large to {motion.verb}, as its bending length is {length}",

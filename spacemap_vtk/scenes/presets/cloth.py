@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,9 @@ _COUNTS = (("wales", "repeats_across"), ("courses", "repeats_along"))
 #: How the command line chooses other yarns.
 YARN_CURE = '; choose others with --yarn "8/2 cotton" (see "spacemap yarns")'
 
+#: Refuses the wanted size of cloth with this bending length [m], before it is made.
+CheckSize = Callable[[float], None]
+
 
 def prepare_weave(
     plan: Plan,
@@ -49,6 +52,7 @@ def prepare_weave(
     yarn: str | None,
     size: tuple[float, ...] | None,
     most: int | None,
+    check_size: CheckSize,
 ) -> Sheet:
     """Choose yarns and size of a weave; return the sheet that it forms."""
     values, weave = plan.values, plan.values.setdefault("weave", {})
@@ -61,6 +65,7 @@ def prepare_weave(
     mass = float(fabric_figures(cloth)["areal_mass"])
     plate, mass = solver.sheet_stiffness(1e-3, 2, mass, cloth, yarns)
     length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
+    check_size(length)
     _choose_threads(plan, scene, source, size, share * length, most)
     box = cloth_bounds(Scene({"weave": weave}, scene.file).part(WeaveSource).cloth).reshape(3, 2)
     return Sheet(box[:, 0], box[:, 1], length, mass * GRAVITY)
@@ -198,6 +203,7 @@ def prepare_textile(
     yarn: str | None,
     size: tuple[float, ...] | None,
     _most: int | None,
+    check_size: CheckSize,
 ) -> Sheet:
     """Choose yarns and size of a textile; return the sheet that it forms."""
     values, textile = plan.values, plan.values.setdefault("textile", {})
@@ -228,6 +234,7 @@ def prepare_textile(
     else:
         mass = float(woven.GetValue(0))
     length = math.sqrt(math.prod(data_sheet(plate, mass).bending_length))
+    check_size(length)
     target = np.array(size or (share * length,) * 2)
     counts: list[str | None] = [
         next((key for key in keys if not source.disabled_by(key)), None) for keys in _COUNTS
