@@ -32,7 +32,7 @@ class SpacemapError(Exception):
     cure : str, optional
         What the user can do about it.
     window_cure : str, optional
-        The same in the window, where menus and fields have other names than options and sections.
+        The same in the window and the browser, whose menus and fields have other names.
     """
 
     def __init__(
@@ -57,6 +57,14 @@ class SpacemapError(Exception):
         self.section: str | None = None
 
     def __str__(self) -> str:
+        return self._format(self.cure)
+
+    @property
+    def text_for_window(self) -> str:
+        """The message with the cure for the window and the browser."""
+        return self._format(self.window_cure)
+
+    def _format(self, cure: str | None) -> str:
         where = f"{self.file}: " if self.file else ""
         if where and self.message.startswith(where):
             where = ""  # a mesh was given as a scene: the user wrote no key
@@ -66,7 +74,7 @@ class SpacemapError(Exception):
         text = where + _shorten(self.message, 1000)
         if self.allowed:
             text += f"; allowed: {self.allowed}"
-        return escape_unprintable(f"{text}. {self.cure}" if self.cure else text)
+        return escape_unprintable(f"{text}. {cure}" if cure else text)
 
 
 class InputError(SpacemapError, ValueError):

@@ -210,7 +210,10 @@ def test_a_cloth_for_files_has_few_crossings_and_a_large_draft_is_cut() -> None:
     assert any("--cloth-size makes it larger" in note for note in scene.warnings)
     plan = make_plan(Scene.read(DRAFTS / "diamond_twill.wpo"), "hang")
     assert plan.values["weave"]["ends"] < 641
-    assert any("of 641 ends" in note for note in plan.notes)
+    (found,) = [note for note in plan.notes if "of 641 ends" in note]
+    assert "--cloth-size" in found
+    assert "of 641 ends" in found.for_window
+    assert "--" not in found.for_window
     plan = make_plan(Scene.read(DRAFTS / "diamond_twill.wpo"), "hang", size=[0.65])
     assert plan.values["weave"]["ends"] == pytest.approx(641, abs=2)
 

@@ -295,6 +295,9 @@ def test_patterns_scenes_and_presets_are_undone() -> None:
             assert session.scene.draft_file is None
             session.preset("swing")
             await until("Satin 5/2: swing from edge")
+            (note,) = [text for text in session._opened.warnings if "cotton" in text]
+            assert "Warp yarn" in note
+            assert "--yarn" not in note  # the page has no options
             assert session.scene.parts["modal"].gravity is not None
             session.pattern("twill 2/1")
             await until("Twill 2/1: swing from edge")

@@ -13,10 +13,12 @@ from window import require_display, settled, wait_until
 
 require_display()
 
-from PySide6.QtCore import QTimer  # noqa: E402
-from PySide6.QtGui import QGuiApplication, QImage  # noqa: E402
+from PySide6.QtCore import Qt, QTimer  # noqa: E402
+from PySide6.QtGui import QDesktopServices, QGuiApplication, QImage  # noqa: E402
+from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication, QDialog, QFileDialog  # noqa: E402
 
+from spacemap_vtk.app.documents.document import Document  # noqa: E402
 from spacemap_vtk.app.work.export_dialog import ExportDialog  # noqa: E402
 from spacemap_vtk.app.work.figure_dialog import FigureDialog  # noqa: E402
 from spacemap_vtk.app.work.sweep_dialog import SweepDialog  # noqa: E402
@@ -174,6 +176,24 @@ def test_an_exported_picture_has_a_close_up_of_the_picked_point(
     assert 0.05 < (np.abs(plain - close).max(axis=2) > 20).mean() < 0.5
 
 
+@pytest.mark.parametrize("after", ["", "\n[animation]\nstop = 2.0\n"])
+def test_one_blank_line_separates_the_cameras_of_a_file(tmp_path: Path, after: str) -> None:
+    def block(number: int) -> str:
+        place = f"position = [1.0, 2.0, {number}.0]"
+        return f'\n[[view.cameras]]\nname = "camera {number}"\n{place}\n'
+
+    head, file = "[weave]\n\n[view]\nzoom = 2.0\n", tmp_path / "scene.toml"
+    for there in ([], [1], [1, 2]):  # in the file before
+        file.write_text(head + "".join(map(block, there)) + after)
+        document = Document()
+        document.open(file)
+        for count in range(len(there) + 1, 4):
+            numbers = range(1, count + 1)
+            cameras = [{"name": f"camera {n}", "position": [1.0, 2.0, float(n)]} for n in numbers]
+            document.set("view", "cameras", cameras)
+            assert document.text.rstrip() == (head + "".join(map(block, numbers)) + after).rstrip()
+
+
 @pytest.mark.nightly
 def test_pages_and_sweeps_are_made_from_the_menu(
     open_scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -203,3 +223,11 @@ def test_pages_and_sweeps_are_made_from_the_menu(
     names = {path.name for path in (tmp_path / "sweep").iterdir()}
     assert {"table.csv", "contact_sheet.png", "ends=4.png", "ends=6.toml"} <= names
     assert done[-1].endswith("2 runs")
+    opened: list[str] = []
+    monkeypatch.setattr(
+        QDesktopServices, "openUrl", lambda url: bool(opened.append(url.toLocalFile())) or True
+    )
+    for button in window.exports.open_buttons:
+        assert button.isVisible()
+        QTest.mouseClick(button, Qt.MouseButton.LeftButton)
+    assert opened == [str(tmp_path / "sweep" / name) for name in ("table.csv", "contact_sheet.png")]

@@ -239,6 +239,30 @@ response = { alpha = 0.5, gravity = [0.0, 0.0, "-1 g"], duration = "1 s" }
 """
 
 
+def test_a_long_message_ends_before_the_progress_bar(open_scene: Any) -> None:
+    window = open_scene("plain_weave")
+    bar, progress = window.statusBar(), window.exports.progress
+    pictures = []
+    progress.show()
+    for count in (40, 400):
+        bar.showMessage("Moment " * count)
+        wait_until(lambda: progress.isVisible() and progress.x() > 0)
+        pictures.append(
+            bar.grab(bar.rect().adjusted(0, 0, progress.x() - bar.width(), 0)).toImage()
+        )
+        assert bar.toolTip() == bar.currentMessage()
+    # Both are cut at the same place, before which there is room.
+    assert pictures[0] == pictures[1]
+    image, ratio = pictures[0], pictures[0].devicePixelRatio()
+    edge = image.pixelColor(image.width() - 1, 0)
+    columns = range(image.width() - round(5 * ratio), image.width())
+    assert all(
+        image.pixelColor(x, y) == edge for x in columns for y in range(2, image.height() - 2)
+    )
+    bar.clearMessage()
+    progress.hide()
+
+
 def test_too_large_motion_is_reported_with_its_cure(open_scene: Any, tmp_path: Path) -> None:
     file = tmp_path / "strip.toml"
     file.write_text(STRIP)

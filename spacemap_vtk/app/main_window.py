@@ -62,7 +62,7 @@ from spacemap_vtk.app.plots.plots_tab import PlotsTab
 from spacemap_vtk.app.view.pick import Pick
 from spacemap_vtk.app.view.view3d import View3D
 from spacemap_vtk.app.view.view_bar import ViewBar
-from spacemap_vtk.app.widgets import ElidedLabel, action, column, show_share, tool_button
+from spacemap_vtk.app.widgets import ElidedLabel, StatusBar, action, column, show_share, tool_button
 from spacemap_vtk.app.work.director import Director
 from spacemap_vtk.app.work.engine import Engine
 from spacemap_vtk.app.work.exports import Exports
@@ -76,7 +76,7 @@ from spacemap_vtk.filters.cage_state import copy_state
 from spacemap_vtk.filters.load_parameters import DOWN
 from spacemap_vtk.scenes.laboratory import COTTON
 from spacemap_vtk.scenes.pipeline import section_classes, stage_title
-from spacemap_vtk.scenes.presets import PRESETS, YARN_CURE
+from spacemap_vtk.scenes.presets import PRESETS, Note
 from spacemap_vtk.scenes.report import describe_motion, is_refused, summarise_motion
 from spacemap_vtk.scenes.scene_record import describe_outside_files
 from spacemap_vtk.scenes.settings import View
@@ -379,7 +379,8 @@ class MainWindow(QMainWindow):
         self.progress_bar.setFixedWidth(160)
         self.cancel_button = QPushButton("Cancel")
         self.cancel_button.clicked.connect(self.director.cancel)
-        status = self.statusBar()
+        status = StatusBar()
+        self.setStatusBar(status)
         status.addWidget(self.status_text, 1)
         for widget in (
             self.details_button,
@@ -387,6 +388,7 @@ class MainWindow(QMainWindow):
             self.progress_bar,
             self.cancel_button,
             self.exports.progress,
+            self.exports.results,
         ):
             status.addPermanentWidget(widget)
         self._show_progress("", 0.0, "")
@@ -594,7 +596,7 @@ class MainWindow(QMainWindow):
 
     def apply_preset(self, preset: str, **options: Any) -> None:
         """Let the cloth hang, drape, drop or swing, and state what was assumed."""
-        notes: list[str] = []
+        notes: list[Note] = []
 
         def change() -> None:
             notes.extend(self.document.apply_preset(preset, **options))
@@ -609,8 +611,8 @@ class MainWindow(QMainWindow):
         else:
             self.modes.clear()
             self.modes.expect_modes()
-            text = ". ".join(note[0].upper() + note[1:] for note in notes)
-            text = text.replace(YARN_CURE, "; change them in the form of the source")
+            sentences = [note.for_window for note in notes]
+            text = ". ".join(note[0].upper() + note[1:] for note in sentences)
             self._show_message(f"{text}.")
 
     def _show_presets(self) -> None:

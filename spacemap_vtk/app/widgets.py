@@ -28,6 +28,7 @@ from PySide6.QtWidgets import (
     QLayout,
     QProgressBar,
     QSpinBox,
+    QStatusBar,
     QStyle,
     QStyleOptionComboBox,
     QStylePainter,
@@ -255,6 +256,26 @@ class ElidedLabel(QLabel):
         if linked:
             shown = html.escape(shown).replace(words, f'<a href="{link}">{words}</a>')
         self.setText(shown)
+
+
+class StatusBar(QStatusBar):
+    """A status bar that shortens long messages with dots; the tool tip is the whole message."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.messageChanged.connect(self.setToolTip)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the message as far as it has room beside the permanent widgets."""
+        message = self.currentMessage()
+        if not message:
+            super().paintEvent(event)
+            return
+        shown = [w for w in self.findChildren(QWidget) if w.parent() is self and w.isVisible()]
+        room = self.rect().adjusted(6, 0, 0, 0)
+        room.setRight(min([w.x() for w in shown], default=room.right()) - 6)
+        text = self.fontMetrics().elidedText(message, Qt.TextElideMode.ElideRight, room.width())
+        QPainter(self).drawText(room, Qt.AlignmentFlag.AlignVCenter, text)
 
 
 def mark_bad(widget: QWidget, bad: bool) -> bool:

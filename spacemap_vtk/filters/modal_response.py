@@ -170,7 +170,7 @@ class ModalResponse(LoadParameters, Stage):
                     cure="Hang the cloth in one step (--hang), lower the loads, add a section "
                     "[rotation], or replace [response] by [transient].",
                     window_cure="Choose Cloth > Hang as curtain, lower the loads, or tick Rotation "
-                    "strain or Transient response in the pipeline on the left.",
+                    "strain or Transient response in the pipeline of the window.",
                 )
             words = {"cure": LIMITS["swing"].cure} if angle > LIMITS["swing"].most else {}
             self.check_limit("rotation", angle, **words)

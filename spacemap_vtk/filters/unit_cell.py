@@ -452,6 +452,7 @@ def _choose_count(yarns: int) -> int:
             allowed=f"a number, best {_PER_YARN * yarns} or more",
             cure="Choose a smaller repeat, or give the number: --set unit_cell.voxels="
             f"{_LEAST_PER_YARN * yarns}.",
+            window_cure="Choose a smaller repeat, or give the number.",
         )
     return count
 

@@ -202,6 +202,7 @@ class WeaveSource(WeaveParameters, Woven, Stage):
                     allowed=f"one of {', '.join(rivals)}",
                     cure=f"Leave out {' or '.join(given)}; on the command line: --set "
                     + " or --set ".join(f"{self.section}.{key}=auto" for key in given),
+                    window_cure=f"Reset {' or '.join(given)}.",
                 )
 
     @property

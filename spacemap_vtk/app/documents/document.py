@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import tomlkit
 from PySide6.QtCore import QObject, Signal
-from tomlkit.items import AoT, Array
+from tomlkit.items import AoT, Array, Whitespace
 
 from spacemap_vtk.app.documents.draft_versions import DraftVersions
 from spacemap_vtk.app.documents.edit import Edit, History, Version
@@ -24,7 +24,7 @@ from spacemap_vtk.parameters import FilePath
 from spacemap_vtk.scenes import library, presets
 from spacemap_vtk.scenes.colorings import COLORINGS
 from spacemap_vtk.scenes.pipeline import choose_stages, is_compatible, stage_title, switch_section
-from spacemap_vtk.scenes.presets import PRESETS
+from spacemap_vtk.scenes.presets import PRESETS, Note
 from spacemap_vtk.scenes.scene import Scene
 
 #: Lists with more values are written one value per line.
@@ -333,7 +333,7 @@ class Document(QObject):
             for key in new.parameters.keys() & old.parameters.keys():
                 self._write_value(section, key, table.get(key))
 
-    def apply_preset(self, preset: str, **options: Any) -> list[str]:
+    def apply_preset(self, preset: str, **options: Any) -> list[Note]:
         """Make cloth in motion of the scene's textile, in one undo step; return the assumptions."""
         plan = presets.make_plan(self.scene, preset, **options)
         values, draft = plan.values, self.scene.draft_file
@@ -469,8 +469,8 @@ class Document(QObject):
             count = len(there[key])
             for table, wanted in zip(there[key], written[:count], strict=True):
                 self._write_record(table, wanted, declared.record.parameters)
-            for added in written[count:]:
-                there[key].append(tomlkit.item(added))
+            if written[count:]:
+                self._append_records(section, there[key], written[count:])
         elif section in self._toml:
             self._toml[section][key] = written
             tables = self._toml[section][key]
@@ -482,6 +482,18 @@ class Document(QObject):
             long = self._toml[section][key]
             if isinstance(long, Array):
                 long.multiline(True)
+
+    def _append_records(self, section: str, tables: AoT, written: Sequence[Any]) -> None:
+        """Append tables, with one blank line before each and before the next section."""
+        body = tables[-1].value.body
+        while body and isinstance(body[-1][1], Whitespace):
+            body.pop()
+        for record in written:
+            table = tomlkit.item(record)
+            table.trivia.indent = "\n"
+            tables.append(table)
+        if section != [*self._toml][-1]:
+            tables[-1].add(tomlkit.nl())
 
     def _write_record(self, table: Any, wanted: Mapping[str, Any], parameters: Any) -> None:
         """Change a table to the values of a record; a default that it states stays."""

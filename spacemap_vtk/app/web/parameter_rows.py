@@ -106,7 +106,9 @@ class ParameterRows:
         """Show in a row why its value was refused; return whether the row exists."""
         key = key or f"{error.section}.{error.key}"
         allowed = f"; allowed: {error.allowed}" if error.allowed else ""
-        reason = f"{error.message}{allowed}." + (f" {error.cure}" if error.cure else "")
+        reason = f"{error.message}{allowed}." + (
+            f" {error.window_cure}" if error.window_cure else ""
+        )
         self._refused[key] = text, reason
         return key in self._parameters
 

@@ -192,7 +192,7 @@ def _add_guard(app: Any, session: Session, token: str, tickets: list[str]) -> No
             size = _read_size(request.query)
             data = await session.save_picture(size)
         except SpacemapError as error:
-            return web.Response(status=409, text=str(error))
+            return web.Response(status=409, text=error.text_for_window)
         name = re.sub(r"[^\w.-]+", "_", session.scene.title).strip("_") or "picture"
         return web.Response(
             body=data,

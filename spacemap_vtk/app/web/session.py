@@ -192,7 +192,7 @@ class Session:
             made = Scene(plan.values, opened.base)
             # The same number as before: what is known of the textile need not be computed again.
             described = _describe_opened(made, plan.values, opened.number)
-            warnings = *described.warnings, *plan.notes
+            warnings = *described.warnings, *(note.for_window for note in plan.notes)
             return Version(plan.values, described._replace(warnings=warnings))
 
         self._start_task(PRESETS[name].label, make)
@@ -211,7 +211,7 @@ class Session:
         try:
             at = self.scene.view.parameter("time").check(text)
         except InputError as error:
-            self.state.failure = str(error)
+            self.state.failure = error.text_for_window
         else:
             self._show_time(at, False)
 
@@ -353,7 +353,9 @@ class Session:
             except Cancelled:
                 self._show_cancellation()
             except Exception as error:
-                text = str(error) if isinstance(error, SpacemapError) else format_error(error)
+                text = format_error(error)
+                if isinstance(error, SpacemapError):
+                    text = error.text_for_window
                 if task.folder is not None:
                     text = text.replace(f"{task.folder}{os.sep}", "")
                 self.state.failure = text
@@ -548,7 +550,7 @@ class Session:
         if isinstance(error, SpacemapError):
             error.file = None
             self.rows.mark_refused(error)
-            text = str(error)
+            text = error.text_for_window
         self.state.failure = text
 
     def _follow_camera(self) -> None:

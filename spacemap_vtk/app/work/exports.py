@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QObject, QSettings, QTemporaryDir, Signal
-from PySide6.QtGui import QGuiApplication, QImage
+from PySide6.QtCore import QObject, QSettings, QTemporaryDir, QTimer, QUrl, Signal
+from PySide6.QtGui import QDesktopServices, QGuiApplication, QImage
 from PySide6.QtWidgets import (
     QFileDialog,
     QLabel,
     QProgressBar,
     QPushButton,
+    QSizePolicy,
     QWidget,
 )
 from vtkmodules.vtkRenderingCore import vtkCamera
@@ -59,6 +60,8 @@ _MAX_NAME = 16
 _WINDOW_KEYS = ("background", "background_top", "triad", "scale_bar")
 #: Values of a film of a still scene: the camera goes round it once.
 _TURN = {"orbit": 360.0, "start": 0.0, "stop": 8.0, "speed": 1.0}
+#: Time for which written files can be opened in the status bar, in ms.
+_OPEN_TIME = 120_000
 #: Settings key for the folder of the last export.
 _FOLDER_KEY = "export/folder"
 
@@ -85,7 +88,21 @@ class Exports(QObject):
         self.cancel_button.clicked.connect(self.cancel)
         row(self.progress, self._label, self.bar, self.cancel_button, spacing=6)
         self.progress.hide()
+        #: Buttons that open what was written last, each with the name of its file.
+        self.results = QWidget()
+        self.open_buttons = [QPushButton() for _ in range(2)]
+        for button in self.open_buttons:
+            button.clicked.connect(self._open_file)
+        row(self.results, *self.open_buttons, spacing=6)
+        self.results.hide()
+        for widget in (self.progress, self.results):
+            # Otherwise they would take the room of a message in the status bar.
+            widget.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Preferred)
+        self._results_timer = QTimer(self, singleShot=True, interval=_OPEN_TIME)
+        self._results_timer.timeout.connect(self.results.hide)
         self._process: JobProcess | None = None
+        #: What is written, or was last.
+        self._target = Path()
         #: Folder of a picture that goes to the clipboard; None for a file.
         self._copied: QTemporaryDir | None = None
         self._irregular = False
@@ -243,6 +260,7 @@ class Exports(QObject):
             self.failed.emit(error)
             return
         self._process, self._losses, self._copied = process, [], None
+        self._target = process.target
         process.progress.connect(self._show_progress)
         process.lost.connect(self._losses.append)
         process.ended.connect(self._end)
@@ -251,6 +269,7 @@ class Exports(QObject):
         self._label.setText(f"Writing {_shorten(path.name)}")
         self.progress.setToolTip(f"Writing {DATA.get(kind, kind).lower()}: {path}")
         self.bar.setRange(0, 0)
+        self.results.hide()
         self.progress.show()
         values = dict(self._document.values)
         for section, changed in (more or {}).items():
@@ -460,9 +479,34 @@ class Exports(QObject):
             text = f"the picture is in the clipboard, {image.width()} × {image.height()} pixels"
             self.copied.emit(text.capitalize())
             return
+        self._offer_files(self._target)
         self.written.emit(text)
         if self._losses:
             self.lost.emit(". ".join(self._losses))
+
+    def _offer_files(self, target: Path) -> None:
+        """Show buttons that open the written file, or the table and the sheet of a sweep."""
+        files = {"Open": target}
+        if target.is_dir():
+            from spacemap_vtk.jobs.sweep import SHEET, TABLE
+
+            files = {"Open table": target / TABLE, "Open contact sheet": target / SHEET}
+        there = [(words, file) for words, file in files.items() if file.is_file()]
+        for button in self.open_buttons[len(there) :]:
+            button.hide()
+        for button, (words, file) in zip(self.open_buttons, there, strict=False):
+            button.setText(words)
+            button.setToolTip(str(file))
+            button.show()
+        self.results.setVisible(bool(there))
+        self._results_timer.start()
+
+    def _open_file(self) -> None:
+        """Open the file of the clicked button by the program that the desktop has for it."""
+        file = self.sender().toolTip()
+        if not QDesktopServices.openUrl(QUrl.fromLocalFile(file)):
+            cure = f"Open {file} yourself."
+            self.failed.emit(InputError("no program of this desktop opens this file", cure=cure))
 
     def _end(self) -> None:
         self._process = None

@@ -6,13 +6,12 @@ result is an ordinary scene, which `write_scene` saves.
 """
 
 from spacemap_vtk.scenes.presets.apply_preset import apply, make_plan, plain_warnings
-from spacemap_vtk.scenes.presets.cloth import YARN_CURE
-from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title
+from spacemap_vtk.scenes.presets.plan import PRESETS, Note, Plan, split_title
 from spacemap_vtk.scenes.presets.scene_file import format_preset, write_scene
 
 __all__ = [
     "PRESETS",
-    "YARN_CURE",
+    "Note",
     "Plan",
     "apply",
     "format_preset",

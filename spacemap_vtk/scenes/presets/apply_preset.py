@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from spacemap_vtk.errors import InfoMessage, InputError, add_key_to_errors
+from spacemap_vtk.errors import InputError, add_key_to_errors
 from spacemap_vtk.filters.textile_source import TextileSource
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.presets.cloth import prepare_textile, prepare_weave
@@ -98,7 +98,7 @@ def apply(
     made = Scene(plan.values, given.file)
     made.plain_warnings = _PLAIN_WARNINGS
     for note in plan.notes:
-        made.warn(InfoMessage(note))
+        made.warn(note)
     return made
 
 
@@ -222,7 +222,7 @@ def _note_cells(plan: Plan, sheet: Sheet) -> None:
     """Note that cells are wide."""
     cell = float((sheet.sides / plan.values["cage"]["divisions"][:2]).max())
     if cell > _WIDE_CELL * sheet.bending_length:
-        plan.notes.append(
+        plan.note(
             f"cloth this large has cells of {rounded(cell, 'm')}, at a bending length of "
             f"{rounded(sheet.bending_length, 'm')}: its sharpest folds are rounder in reality"
         )

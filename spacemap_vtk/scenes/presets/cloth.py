@@ -38,8 +38,11 @@ _NEARLY = 0.8
 _MOST_PATCHES = 250_000
 #: Numbers of repeats of textiles along x and y.
 _COUNTS = (("wales", "repeats_across"), ("courses", "repeats_along"))
-#: How the command line chooses other yarns.
-YARN_CURE = '; choose others with --yarn "8/2 cotton" (see "spacemap yarns")'
+#: How other yarns are chosen: on the command line, and in the window.
+_OTHER_YARNS = (
+    'choose others with --yarn "8/2 cotton" (see "spacemap yarns")',
+    "to choose others, undo this and set Warp yarn and Weft yarn",
+)
 
 #: Refuses the wanted size of cloth with this bending length [m], before it is made.
 CheckSize = Callable[[float], None]
@@ -85,7 +88,7 @@ def _choose_stiffness(plan: Plan, source: WeaveSource) -> YarnParameters | None:
     if cloth.layers is not None:
         values.pop("yarns", None)
         values["modal"] = {"elements": "sheet", **_layered_figures(source, yarns)}
-        plan.notes.append(f"both cloths of the double weave together are sheared with {_SHEAR}")
+        plan.note(f"both cloths of the double weave together are sheared with {_SHEAR}")
         return None
     values["yarns"] = yarns
     values["modal"] = {"elements": "sheet", "material": "yarns", "law": "linear"}
@@ -113,15 +116,19 @@ def _choose_threads(
     if size is None and most is not None and math.prod(counts) > most:
         share = math.sqrt(most / math.prod(counts))
         counts = [max(2, round(share * count)) for count in counts]
-        plan.notes.append(
+        plan.note(
             f"the file contains every yarn, so that the cloth has only {counts[0]} ends and "
-            f"{counts[1]} picks; --cloth-size makes it larger"
+            f"{counts[1]} picks",
+            "--cloth-size makes it larger",
+            "more Ends and Picks make it larger",
         )
     weave["ends"], weave["picks"] = counts
     if source.draft is not None and any(c < d for c, d in zip(counts, drafted, strict=True)):
-        plan.notes.append(
+        plan.note(
             f"the cloth shows {counts[0]} of {drafted[0]} ends and {counts[1]} of {drafted[1]} "
-            "picks of the draft; --cloth-size shows more of it"
+            "picks of the draft",
+            "--cloth-size shows more of it",
+            "more Ends and Picks show more of it",
         )
 
 
@@ -138,7 +145,7 @@ def _use_yarn(plan: Plan, weave: dict[str, Any], name: str) -> None:
         weave[parameter_name("sett", family)] = f"{usual / 100:.3g} /cm"
     weave.pop("warp_crimp_height", None)
     how = "its usual sett" if sett else "half of Ashenhurst's diameters"
-    plan.notes.append(f"{yarn.name} is woven with {usual / 100:.3g} yarns per cm, {how}")
+    plan.note(f"{yarn.name} is woven with {usual / 100:.3g} yarns per cm, {how}")
 
 
 def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
@@ -158,8 +165,8 @@ def _yarns_of_weave(plan: Plan, source: WeaveSource) -> dict[str, Any]:
         words.append(name or f"{_MATERIAL} of {rounded(mean, 'kg/m')}{size}")
     both = f"of {words[0]}" if words[0] == words[1] else f"of {words[0]} and {words[1]}"
     chosen = any(getattr(source, parameter_name("yarn", family)) for family in (0, 1))
-    cure = "" if chosen else YARN_CURE
-    plan.notes.append(f"the yarns are taken to be {both}{cure}")
+    cures = () if chosen else _OTHER_YARNS
+    plan.note(f"the yarns are taken to be {both}", *cures)
     return {
         "inextensible": False,
         "modulus": moduli[0] if moduli[0] == moduli[1] else moduli,
@@ -213,13 +220,13 @@ def prepare_textile(
         textile["diameter"] = rounded(width, "m")
         textile["fibre_density"] = named.material.density
         textile["packing"] = named.material.packing
-        plan.notes.append(f"the yarns are {named.name}, {textile['diameter']} thick")
+        plan.note(f"the yarns are {named.name}, {textile['diameter']} thick")
     source = Scene({"textile": textile}, scene.file).part(TextileSource)
     if not {"tension", "bending"} <= textile.keys():
         textile |= _yarns_of_textile(plan, source, yarn)
     if source.kind == "knit" and "set_share" not in textile:
         textile["set_share"] = 1.0
-        plan.notes.append("the knit is blocked (its set share is 1), so that it does not curl")
+        plan.note("the knit is blocked (its set share is 1), so that it does not curl")
     values["modal"] = {"elements": "sheet", "material": "yarns", "law": "linear"}
     small = Scene({"textile": textile}, scene.file)
     data = _output(small)
@@ -262,13 +269,15 @@ def _yarns_of_textile(plan: Plan, source: TextileSource, yarn: str | None) -> di
     width = float(np.max(source.yarn_diameters))
     mass = float(np.max(source.linear_densities))
     if source.kind == "mesh":
-        plan.notes.append(f"the wires are taken to be of steel, {rounded(width, 'm')} thick")
+        plan.note(f"the wires are taken to be of steel, {rounded(width, 'm')} thick")
         tension, bending = _STEEL * math.pi * width**2 / 4, _STEEL * math.pi * width**4 / 64
     else:
         material = MATERIALS[parse_yarn(yarn).word if yarn else _MATERIAL]
         tension, bending = material.fibre.yarn_modulus * mass, material.fibre.bending(mass)
         if yarn is None:
-            plan.notes.append(
-                f"the yarns are taken to be {_MATERIAL} of {rounded(mass, 'kg/m')}{YARN_CURE}"
+            plan.note(
+                f"the yarns are taken to be {_MATERIAL} of {rounded(mass, 'kg/m')}",
+                _OTHER_YARNS[0],
+                "set others by Tension and Bending of the textile",
             )
     return {"tension": rounded(tension, "N"), "bending": rounded(bending, "N.m2")}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from spacemap_vtk.errors import InfoMessage
+
 
 class Preset(NamedTuple):
     """A motion that a textile can be given."""
@@ -26,14 +28,41 @@ PRESETS = {
 }
 
 
+class Note(InfoMessage):
+    """Sentence on what a preset assumed, which ends with the option that changes it."""
+
+    #: The same sentence for the window and the browser, which have fields instead of options.
+    for_window: str
+
+    def __new__(cls, text: str, cure: str = "", window_cure: str = "") -> Note:
+        """Join a sentence and its cures."""
+        note = super().__new__(cls, f"{text}; {cure}" if cure else text)
+        note.for_window = f"{text}; {window_cure}" if window_cure else text
+        return note
+
+
 @dataclass
 class Plan:
     """What a preset makes of a scene."""
 
     values: dict[str, Any]
     """The scene's values, as in a scene file in the scene's folder."""
-    notes: list[str] = field(default_factory=list)
-    """Sentences on what was assumed."""
+    notes: list[Note] = field(default_factory=list)
+    """What was assumed."""
+
+    def note(self, text: str, cure: str = "", window_cure: str = "") -> None:
+        """Add a note.
+
+        Parameters
+        ----------
+        text : str
+            What was assumed.
+        cure : str
+            How an option of the command line changes it.
+        window_cure : str
+            How fields of the window and the browser change it.
+        """
+        self.notes.append(Note(text, cure, window_cure))
 
 
 def title_end(preset: str) -> str:
