@@ -326,6 +326,37 @@ def test_patterns_scenes_and_presets_are_undone() -> None:
     asyncio.run(ask())
 
 
+def test_refused_scene_keeps_the_picture_and_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "large.toml"
+    file.write_text(
+        "[weave]\nends = 60\npicks = 60\nwarp_spacing = 1e-3\nweft_spacing = 1e-3\n"
+        "[cage]\ndivisions = [6, 6, 1]\n[response]\nalpha = 2.0\n[view]\ntime = 1.0\n"
+    )
+
+    async def ask() -> None:
+        state = _State()
+        session = Session("plain_weave", ["surface.subdivisions=2"], state)
+        work = asyncio.create_task(session.run())
+        try:
+            while session.screen.frame is None:
+                await asyncio.sleep(0.002)
+            shown, state.warnings = session.screen.frame, ["of the former scene"]
+            session.open_file(file)
+            while not state.failure:
+                assert not work.done()
+                await asyncio.sleep(0.002)
+            assert session.screen.frame is shown
+            assert "Choose Cloth > Hang as curtain" in state.failure
+            assert "--hang" not in state.failure
+            assert state.failure.endswith("The picture shows the former scene.")
+            assert "of the former scene" not in state.warnings
+        finally:
+            work.cancel()
+            session.close()
+
+    asyncio.run(ask())
+
+
 def test_only_drafts_and_knits_can_be_sent() -> None:
     files = Uploads()
     data = (library.folder() / "drafts" / "overshot.wif").read_bytes()

@@ -319,6 +319,11 @@ class Session:
             except Exception as error:
                 self.state.playing = False
                 self._show_error(error)
+                if self._is_new and self.screen.frame is not None:
+                    self.state.failure = (
+                        f"{self.state.failure.rstrip('.')}. The picture shows the former scene."
+                    )
+                    self.state.warnings = [*self._opened.warnings]
             else:
                 self.state.failure, self._message = self._message, ""
                 self.rows.clear_refused()
