@@ -124,6 +124,8 @@ class CompositeTab(QWidget):
         self.packing.editingFinished.connect(self._set_packing)
         self.run_button = QPushButton("Compute")
         self.run_button.clicked.connect(self._start_or_cancel)
+        # By itself the box is too low for the descenders of its text.
+        self.packing.setMinimumHeight(self.run_button.sizeHint().height())
         self.save_button = QPushButton("Save")
         menu = QMenu(self)
         saved = {".png": "Moduli", **writer_endings("unit_cell")}
