@@ -192,6 +192,8 @@ def test_one_blank_line_separates_the_cameras_of_a_file(tmp_path: Path, after: s
             cameras = [{"name": f"camera {n}", "position": [1.0, 2.0, float(n)]} for n in numbers]
             document.set("view", "cameras", cameras)
             assert document.text.rstrip() == (head + "".join(map(block, numbers)) + after).rstrip()
+        document.set("view", "cameras", cameras[1:])
+        assert document.text.rstrip() == (head + block(2) + block(3) + after).rstrip()
 
 
 @pytest.mark.nightly

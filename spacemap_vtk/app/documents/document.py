@@ -472,6 +472,8 @@ class Document(QObject):
             if written[count:]:
                 self._append_records(section, there[key], written[count:])
         elif section in self._toml:
+            if written and isinstance(there.get(key), AoT):
+                del there[key]  # tomlkit puts a blank line only before a new key
             self._toml[section][key] = written
             tables = self._toml[section][key]
             if isinstance(tables, AoT) and section != [*self._toml][-1]:
