@@ -266,6 +266,11 @@ def test_cloth_that_falls_has_the_drag_of_air_and_cells_for_its_folds(name: str)
     assert min(scene.cage.divisions[:2]) >= 16
 
 
+def test_heavy_cloth_falls_in_narrower_cells() -> None:
+    # In 18 by 18 cells this knit turned inside out in a fold.
+    assert min(apply("stockinette", "drop").cage.divisions[:2]) >= 24
+
+
 def test_a_yarn_of_the_scene_is_kept() -> None:
     weave = {"pattern": "plain", "warp_yarn": "20/2 silk", "weft_yarn": "20/2 silk"}
     weave |= {"warp_sett": "24 epi", "weft_sett": "24 epi"}

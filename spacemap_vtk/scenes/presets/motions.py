@@ -20,6 +20,10 @@ _MOST_OF_CURTAIN = 4096
 _STEPPED_CELLS = 324
 #: Width of a cell over the bending length where cloth falls onto a ball, with sharper folds.
 CELL_ON_BALL = 0.5
+#: The same for heavy cloth, which air hardly brakes, so that its folds are sharper as it lands.
+CELL_OF_HEAVY, _CELLS_OF_HEAVY = 0.35, 676
+#: Drag of the air over (g/c)^½ below which cloth is heavy; knits are.
+_HEAVY = 0.15
 #: Gap between cloth that falls and the ball over the width of a cell: where it is drawn taut, the
 #: springs of contact let it sink in by that much.
 _FALLING_GAP = 0.05
@@ -240,7 +244,9 @@ def _drop(values: dict[str, Any], sheet: Sheet) -> None:
     """Let cloth fall onto a ball on a stand, in time steps."""
     side = float(min(sheet.sides))
     x, y, z = 0.5 * (sheet.low + sheet.high)
-    radius, cells = 0.27 * side, sheet.cells(_STEPPED_CELLS, CELL_ON_BALL)
+    heavy = sheet.drag < _HEAVY * math.sqrt(GRAVITY / sheet.bending_length)
+    fineness = (_CELLS_OF_HEAVY, CELL_OF_HEAVY) if heavy else (_STEPPED_CELLS, CELL_ON_BALL)
+    radius, cells = 0.27 * side, sheet.cells(*fineness)
     # Off the middle by a fiftieth, as nothing falls exactly onto the middle.
     x, y, z = x + 0.02 * side, y - 0.013 * side, float(sheet.low[2]) - 0.1 * side - radius
     values["modal"] |= {

@@ -8,7 +8,12 @@ from typing import Any
 
 from spacemap_vtk.io.formats.toml import format_scene
 from spacemap_vtk.io.output import atomic_file, check_output, write_parts
-from spacemap_vtk.scenes.presets.motions import CELL_ON_BALL, CELL_ON_TABLE, CELLS_OF_PLEAT
+from spacemap_vtk.scenes.presets.motions import (
+    CELL_OF_HEAVY,
+    CELL_ON_BALL,
+    CELL_ON_TABLE,
+    CELLS_OF_PLEAT,
+)
 from spacemap_vtk.scenes.presets.plan import PRESETS, title_end
 from spacemap_vtk.scenes.presets.sheet import CELL
 from spacemap_vtk.scenes.scene import Scene
@@ -70,9 +75,12 @@ def _remark_on_cells(values: Mapping[str, Any]) -> str:
     title = str(values.get("title", ""))
     preset = next((name for name in PRESETS if title.endswith(title_end(name))), None)
     width = ""
+    if preset == "drop":
+        widths = f"{CELL_ON_BALL} bending lengths wide, {CELL_OF_HEAVY} in heavy cloth"
+        return f"cells are {widths}, wider in large cloth"
     if preset and "springs" in values.get("modal", {}):
         width = f"at least {CELLS_OF_PLEAT} cells across a pleat; "
     elif preset:
-        share = {"drape": CELL_ON_TABLE, "drop": CELL_ON_BALL}.get(preset, CELL)
-        width = f"cells are {share} bending lengths wide, or wider in large cloth; "
+        share = CELL_ON_TABLE if preset == "drape" else CELL
+        width = f"cells are {share} bending lengths wide, wider in large cloth; "
     return f"{width}finer cells take longer"
