@@ -40,7 +40,7 @@ _REPLACED = (
 _OPTION = re.compile(r" \(--[^)]*\)")
 _SHARP_FOLDS = (
     "the sharpest folds of real cloth would be a little rounder; finer cells "
-    "(--set cage.divisions=auto) show that, but take longer"
+    "(--set cage.divisions=auto) show that, but take minutes"
 )
 _STRETCHED = (
     "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth "
