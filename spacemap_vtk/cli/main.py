@@ -56,7 +56,7 @@ app = App(
     """,
     group_parameters=Group.create_default_parameters("Options"),
 )
-#: In the order of the help: the most usual first.
+#: Commands in the order in which the help lists them, the most usual first.
 COMMANDS = {
     "render": ("draw:render", "Draw a picture of a scene, a draft or a mesh."),
     "animate": ("draw:animate", "Make a film of a scene, or numbered frames."),

@@ -85,7 +85,8 @@ def modes(
         print_json(figures)
         return
     touches = bool(figures["contact"])
-    # A table with contact would be too wide; a column of one word says nothing.
+    # Beside the column of contact there is no room for regimes. If all modes are underdamped, the
+    # caption says so instead.
     regimes = {mode["regime"] for mode in figures["modes"]}
     has_regimes = not touches and regimes != {"underdamped"}
     table = number_table(

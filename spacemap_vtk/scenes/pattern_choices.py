@@ -30,7 +30,7 @@ PATTERNS = (
 _SIZE = 144, 96
 #: Pixels along each side of a crossing of a pattern.
 _PATTERN_SQUARE = 6
-#: Pixels along each side of a crossing of a draft, whose repeats are larger.
+#: Pixels along each side of a crossing of a draft: fewer, as repeats of drafts are larger.
 _DRAFT_SQUARE = 3
 #: Factor of the colour along both sides of a yarn, which shows the yarn's direction.
 _SHADE = 0.74

@@ -19,9 +19,9 @@ from spacemap_vtk.filters.tetra_cage import TetraCage
 from spacemap_vtk.filters.textile import Textile, Woven
 from spacemap_vtk.memory import require_memory
 
-#: Control points of a ring; those of yarns with flat sides have more.
+#: Fewest control points around the section of a yarn; sections with flat sides have more.
 _RING = 12
-#: Components of displacement, the point array that a surface has in any case if it moves.
+#: Components of the displacement, which every surface that moves has as a point array.
 _MOVED = 3
 
 

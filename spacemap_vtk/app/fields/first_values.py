@@ -9,16 +9,16 @@ from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
 
 from spacemap_vtk.datasets.arrays import array_of, points_of
 from spacemap_vtk.datasets.modal_model import MODE_NAME
+from spacemap_vtk.units import GRAVITY
 
-#: Deflection under a new load that stays, as a share of the cage's longest side: it can be seen,
-#: and is far from what a linear motion cannot show, even if the load swings the cage up to twice as
-#: far.
+#: Static deflection under the load of a new card, over the longest side of the cage. It is visible,
+#: and small enough for a linear motion even where a sudden load deflects the cage twice as far.
 _DEFLECTION = 0.04
 #: Mass of a new card, as a share of the cage's mass.
 _MASS = 0.1
+#: Whose arrays are missing, in an error.
 _OWNER = "a new card"
-_GRAVITY = 9.81
-#: Eigenvalues [1/s²] below this one are those of motions without strain.
+#: Modes with smaller eigenvalues [1/s²] move the cage without strain.
 _LEAST_EIGENVALUE = 1e-3
 
 
@@ -26,10 +26,10 @@ class FirstValues(NamedTuple):
     """What a new card of a cage may have, in SI units."""
 
     #: Acceleration that gives the wanted deflection, and the axis along which it is least.
-    acceleration: float = 0.1 * _GRAVITY
+    acceleration: float = 0.1 * GRAVITY
     axis: int = 2
     #: The acceleration along y, down.
-    gravity: float = 0.1 * _GRAVITY
+    gravity: float = 0.1 * GRAVITY
     #: Axis of the thin side, pressure on it, and traction along the former axis.
     thin: int = 2
     pressure: float = 0.1
@@ -63,7 +63,7 @@ class FirstValues(NamedTuple):
         most = moved.max(axis=1)
         axis = int(most.argmax())
         # No load is above the weight: a cage that hangs may be as good as rigid along an axis.
-        needed = np.minimum(_GRAVITY, wanted / np.maximum(most, 1e-30))
+        needed = np.minimum(GRAVITY, wanted / np.maximum(most, 1e-30))
         vertex = int(moved[axis].argmax())
         compliance = float((shapes[:, vertex, axis] ** 2 / stiffness).sum())
         thin, place = int(sizes.argmin()), points[vertex]
@@ -75,7 +75,7 @@ class FirstValues(NamedTuple):
             thin,
             areal_mass * float(needed[thin]),
             areal_mass * float(needed[axis]),
-            min(wanted / compliance, _GRAVITY * total),
+            min(wanted / compliance, GRAVITY * total),
             (float(place[0]), float(place[1]), float(place[2])),
             wanted,
             _MASS * total,
@@ -94,10 +94,10 @@ class FirstValues(NamedTuple):
             "traction": {"traction": self.along(self.traction), "on": side},
             "force": {"force": self.along(self.force), "at": _round_place(self.place)},
             "array": {"array": "force"},
-            "gravity": {"gravity": [0.0, f"{-self.gravity / _GRAVITY:.2g} g", 0.0]},
+            "gravity": {"gravity": [0.0, f"{-self.gravity / GRAVITY:.2g} g", 0.0]},
             "base_acceleration": {
                 "base_acceleration": [
-                    f"{each / _GRAVITY:.2g} g" if each else 0.0
+                    f"{each / GRAVITY:.2g} g" if each else 0.0
                     for each in self.along(self.acceleration)
                 ]
             },

@@ -117,7 +117,7 @@ def _swing(parts: Parts) -> Sequence[Step]:
         Step(
             "Click Plain weave in a gust, in the group Moving cloth.",
             _in_tab(parts, parts.gallery, parts.gallery.list),
-            # Of another solver's result there are no modes.
+            # A motion that another solver computed has no modes.
             lambda: document.scene.modal in document.scene.stages and document.source is not None,
         ),
         _open_tab(

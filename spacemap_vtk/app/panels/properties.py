@@ -209,7 +209,7 @@ class Properties(QScrollArea):
         gravity: Sequence[float],
         cage: vtkUnstructuredGrid | None,
     ) -> None:
-        """Set bounds [m], gravity and cage of the object, to which new cards fit."""
+        """Set bounds [m], gravity and cage, from which new cards choose their first values."""
         self._bounds, self._cage = (bounds, gravity), cage
         for loads in (*self._loads, *self._places):
             loads.cage = cage

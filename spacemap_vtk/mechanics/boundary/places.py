@@ -378,7 +378,7 @@ def _format_number(number: float) -> str:
 
 
 def _format_length(value: float) -> str:
-    """Format a length with its unit if this reads back as the same."""
+    """Format a length with its unit, or in m where rounding in the unit would change it."""
     number = _format_number(value)
     if not value or not np.isfinite(value):
         return number

@@ -160,7 +160,8 @@ class Analysis:
             wide, high = last - first, np.array([len(border) for border in self.borders])
             column = np.repeat(np.arange(lower.shape[0]), np.diff(lower.indptr))
             front = np.repeat(np.arange(len(wide)), lower.indptr[last] - lower.indptr[first])
-            # Row of an entry in its border, by its place among the borders of all fronts.
+            # Row of each entry in the border of its front: all borders are searched at once, by
+            # keys that number front and row.
             fronts = np.repeat(np.arange(len(high)), high)
             keys = fronts * lower.shape[0] + np.concatenate(self.borders)
             row = np.searchsorted(keys, front * lower.shape[0] + lower.indices)

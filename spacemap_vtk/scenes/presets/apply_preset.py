@@ -15,7 +15,7 @@ from spacemap_vtk.filters.textile_source import TextileSource
 from spacemap_vtk.filters.weave_source import WeaveSource
 from spacemap_vtk.scenes.presets.cloth import prepare_textile, prepare_weave
 from spacemap_vtk.scenes.presets.motions import MOTION_OF_PRESET, Motion
-from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, split_title, title_end
+from spacemap_vtk.scenes.presets.plan import PRESETS, Plan, preset_of, split_title, title_end
 from spacemap_vtk.scenes.presets.sheet import Sheet, rounded
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
@@ -46,7 +46,7 @@ _STRETCHED = (
     "the yarns straighten or flatten where the cloth is stretched or compressed most; real cloth "
     "is stiffer there"
 )
-#: Warnings about limits without keys that the user never wrote.
+#: What warnings about limits say in a scene of a preset: no keys, as its user wrote none.
 _PLAIN_WARNINGS = {
     "fold": _SHARP_FOLDS,
     "lean": _SHARP_FOLDS,
@@ -182,7 +182,7 @@ def plain_warnings(title: str) -> dict[str, str]:
     dict of str to str
         As `Scene.plain_warnings`; empty if no preset has made the scene.
     """
-    if not split_title(title)[1]:
+    if not preset_of(title):
         return {}
     return {key: _OPTION.sub("", text) for key, text in _PLAIN_WARNINGS.items()}
 

@@ -20,14 +20,17 @@ _MOST_OF_CURTAIN = 4096
 _STEPPED_CELLS = 324
 #: Width of a cell over the bending length where cloth falls onto a ball, with sharper folds.
 CELL_ON_BALL = 0.5
-#: The same for heavy cloth, which air hardly brakes, so that its folds are sharper as it lands.
-CELL_OF_HEAVY, _CELLS_OF_HEAVY = 0.35, 676
+#: Width of a cell over the bending length where heavy cloth falls. Air hardly brakes it, so that
+#: its folds are sharper as it lands.
+CELL_OF_HEAVY = 0.35
+#: Most cells of heavy cloth that falls.
+_CELLS_OF_HEAVY = 676
 #: Drag of the air over (g/c)^½ below which cloth is heavy; knits are.
 _HEAVY = 0.15
 #: Gap between cloth that falls and the ball over the width of a cell: where it is drawn taut, the
 #: springs of contact let it sink in by that much.
 _FALLING_GAP = 0.05
-#: Distance of the rings of a curtain over the bending length, if it is flat.
+#: Distance between the rings of a curtain before it is drawn together, over the bending length.
 _RING = 2.8
 #: Fewest cells across a pleat.
 CELLS_OF_PLEAT = 6
@@ -321,10 +324,24 @@ def _tidy(value: float) -> float:
     return float(f"{value:.2g}")
 
 
+#: What is the same for all motions in time steps.
+_STEPPED: Any = {
+    "most_cells": _STEPPED_CELLS,
+    "widest_cell": 0.978,  # a side of 17.6 bending lengths in 18 cells
+    "verb": "move in time steps",
+    "alternative": "hang or drape",
+}
 #: The motions by the names of the presets.
 MOTION_OF_PRESET = {
-    "hang": Motion(_hang, 14.0, _MOST_OF_CURTAIN, 1.5, "hang"),
-    "drape": Motion(_drape, 14.0, MOST_CELLS, 0.8, "drape", "hang"),
-    "drop": Motion(_drop, 9.0, _STEPPED_CELLS, 0.978, "move in time steps", "hang or drape"),
-    "swing": Motion(_swing, 10.0, _STEPPED_CELLS, 0.978, "move in time steps", "hang or drape"),
+    "hang": Motion(_hang, side=14.0, most_cells=_MOST_OF_CURTAIN, widest_cell=1.5, verb="hang"),
+    "drape": Motion(
+        _drape,
+        side=14.0,
+        most_cells=MOST_CELLS,
+        widest_cell=0.8,
+        verb="drape",
+        alternative="hang",
+    ),
+    "drop": Motion(_drop, side=9.0, **_STEPPED),
+    "swing": Motion(_swing, side=10.0, **_STEPPED),
 }

@@ -29,7 +29,7 @@ PRESETS = {
 
 
 class Note(InfoMessage):
-    """Sentence on what a preset assumed, which ends with the option that changes it."""
+    """Sentence on what a preset assumed, with the option that replaces the assumption."""
 
     #: The same sentence for the window and the browser, which have fields instead of options.
     for_window: str
@@ -58,9 +58,9 @@ class Plan:
         text : str
             What was assumed.
         cure : str
-            How an option of the command line changes it.
+            What to type on the command line if the assumption is wrong.
         window_cure : str
-            How fields of the window and the browser change it.
+            Which field to change instead in the window and the browser.
         """
         self.notes.append(Note(text, cure, window_cure))
 
@@ -81,6 +81,11 @@ def title_end(preset: str) -> str:
     return f": {PRESETS[preset].label.lower()}"
 
 
+def preset_of(title: str) -> str:
+    """Return the name of the preset that has made a scene, by its title; empty without one."""
+    return next((name for name in PRESETS if title.endswith(title_end(name))), "")
+
+
 def split_title(title: str) -> tuple[str, str]:
     """Split the motion that a preset has added off a title.
 
@@ -94,8 +99,6 @@ def split_title(title: str) -> tuple[str, str]:
     tuple of str
         The title of the textile, and what the preset has added; empty without a preset.
     """
-    for preset in PRESETS:
-        motion = title_end(preset)
-        if title.endswith(motion):
-            return title.removesuffix(motion), motion
-    return title, ""
+    preset = preset_of(title)
+    motion = title_end(preset) if preset else ""
+    return title.removesuffix(motion), motion

@@ -14,7 +14,7 @@ from spacemap_vtk.scenes.presets.motions import (
     CELL_ON_TABLE,
     CELLS_OF_PLEAT,
 )
-from spacemap_vtk.scenes.presets.plan import PRESETS, title_end
+from spacemap_vtk.scenes.presets.plan import preset_of
 from spacemap_vtk.scenes.presets.sheet import CELL
 from spacemap_vtk.scenes.scene import Scene
 from spacemap_vtk.scenes.scene_record import scene_values
@@ -72,15 +72,14 @@ def format_preset(values: Mapping[str, Any]) -> str:
 
 def _remark_on_cells(values: Mapping[str, Any]) -> str:
     """Return a comment on the number of cells that a preset chooses."""
-    title = str(values.get("title", ""))
-    preset = next((name for name in PRESETS if title.endswith(title_end(name))), None)
-    width = ""
+    preset = preset_of(str(values.get("title", "")))
     if preset == "drop":
         widths = f"{CELL_ON_BALL} bending lengths wide, {CELL_OF_HEAVY} in heavy cloth"
         return f"cells are {widths}, wider in large cloth"
+    finer = "finer cells take longer"
     if preset and "springs" in values.get("modal", {}):
-        width = f"at least {CELLS_OF_PLEAT} cells across a pleat; "
-    elif preset:
+        return f"at least {CELLS_OF_PLEAT} cells across a pleat; {finer}"
+    if preset:
         share = CELL_ON_TABLE if preset == "drape" else CELL
-        width = f"cells are {share} bending lengths wide, wider in large cloth; "
-    return f"{width}finer cells take longer"
+        return f"cells are {share} bending lengths wide, wider in large cloth; {finer}"
+    return finer

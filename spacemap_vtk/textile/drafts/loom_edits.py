@@ -91,7 +91,7 @@ def turn_loom(loom: Loom) -> Loom:
 
 
 def exchange(loom: Loom, what: str, first: int, second: int) -> Loom:
-    """Exchange two shafts or two treadles, without a change of the cloth.
+    """Exchange two shafts or two treadles; the cloth stays the same.
 
     Parameters
     ----------

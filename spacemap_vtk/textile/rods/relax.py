@@ -144,7 +144,7 @@ def relax_yarns(
 
 
 def _part_of(progress: Progress | None, begin: float, end: float) -> Progress:
-    """Return a function that reports the share of a part as one of the whole."""
+    """Return the progress function of a part that takes the work from one share to another."""
     return lambda share: None if progress is None else progress(begin + share * (end - begin))
 
 
