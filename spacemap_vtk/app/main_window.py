@@ -85,13 +85,13 @@ from spacemap_vtk.scenes.settings import View
 _MESSAGE_TIME = 10_000
 #: Smallest width of the window in pixels, less than all its panels need together.
 _MIN_WIDTH = 690
-#: Free width beside the title of a tab, in pixels.
+#: Usual free width beside the title of a tab, in pixels.
 _TAB_GAP = 9
-#: The least of it.
+#: Least free width beside the title of a tab, in pixels.
 _TAB_MARGINS = 6
-#: Size of the titles of tabs in a narrow panel, over the usual one.
+#: Smallest font of the titles of tabs, in a narrow panel, over the usual one.
 _SMALLEST_TITLE = 0.78
-#: Step of that size in points.
+#: Step by which the font of these titles becomes smaller, in points.
 _TITLE_STEP = 0.25
 #: Share of the window's width for the gallery at the first start.
 _GALLERY = 0.36

@@ -25,12 +25,12 @@ _LEAST_EIGENVALUE = 1e-3
 class FirstValues(NamedTuple):
     """What a new card of a cage may have, in SI units."""
 
-    #: Acceleration that gives the wanted deflection, and the axis along which it is least.
+    #: Least acceleration along an axis that gives the wanted deflection, and this axis.
     acceleration: float = 0.1 * GRAVITY
     axis: int = 2
-    #: The acceleration along y, down.
+    #: Acceleration down, along -y, that gives the wanted deflection.
     gravity: float = 0.1 * GRAVITY
-    #: Axis of the thin side, pressure on it, and traction along the former axis.
+    #: Axis along which the cage is thinnest, pressure on that side, and traction along `axis`.
     thin: int = 2
     pressure: float = 0.1
     traction: float = 0.1

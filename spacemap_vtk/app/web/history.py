@@ -17,7 +17,7 @@ class Opened(NamedTuple):
     base: Path | None
     """File whose folder is the base of relative paths."""
     title: str
-    """Title as long as the pattern is the same."""
+    """Title of the scene when it was opened; another pattern gives it another one."""
     pattern: tuple[Any, Any]
     """Pattern and draft of the weave."""
     warnings: tuple[str, ...] = ()
