@@ -82,7 +82,18 @@ def title_end(preset: str) -> str:
 
 
 def preset_of(title: str) -> str:
-    """Return the name of the preset that has made a scene, by its title; empty without one."""
+    """Find the preset that has made a scene.
+
+    Parameters
+    ----------
+    title : str
+        Title of the scene.
+
+    Returns
+    -------
+    str
+        One of `PRESETS`; empty without a preset.
+    """
     return next((name for name in PRESETS if title.endswith(title_end(name))), "")
 
 
